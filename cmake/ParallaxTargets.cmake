@@ -1,0 +1,53 @@
+# Compile settings that every target shares, and the one-target-a-folder helper.
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release CACHE STRING "Build type" FORCE)
+endif()
+set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
+
+find_program(PARALLAX_CCACHE ccache)
+if(PARALLAX_CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${PARALLAX_CCACHE})
+endif()
+find_program(PARALLAX_MOLD mold)
+if(PARALLAX_MOLD)
+  add_link_options(-fuse-ld=mold)
+endif()
+
+add_library(parallax_settings INTERFACE)
+target_include_directories(parallax_settings INTERFACE "${PROJECT_SOURCE_DIR}")
+target_compile_options(parallax_settings INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Wcast-qual -Wno-unused-parameter
+  -fno-math-errno -fno-trapping-math -ffp-contract=off)
+if(CMAKE_CXX_COMPILER_ID MATCHES Clang)
+  target_compile_options(parallax_settings INTERFACE -Wthread-safety)
+  if(PARALLAX_WARNINGS_AS_ERRORS)
+    target_compile_options(parallax_settings INTERFACE -Werror=thread-safety)
+  endif()
+endif()
+if(PARALLAX_WARNINGS_AS_ERRORS)
+  target_compile_options(parallax_settings INTERFACE -Werror)
+endif()
+
+# parallax_library(NAME [PUBLIC lib...] [PRIVATE lib...]): every .cpp in the folder NAME.
+function(parallax_library name)
+  cmake_parse_arguments(ARG "" "" "PUBLIC;PRIVATE" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/${name}/*.cpp" "${PROJECT_SOURCE_DIR}/${name}/*.h")
+  add_library(parallax_${name} STATIC ${sources})
+  set_target_properties(parallax_${name} PROPERTIES LINKER_LANGUAGE CXX)
+  # OpenCV's and Eigen's headers warn under C++20, so what comes from packages is a system header.
+  foreach(lib IN LISTS ARG_PUBLIC ARG_PRIVATE)
+    if(TARGET ${lib})
+      get_target_property(dirs ${lib} INTERFACE_INCLUDE_DIRECTORIES)
+      if(dirs AND NOT lib MATCHES "^parallax_")
+        target_include_directories(parallax_${name} SYSTEM PUBLIC ${dirs})
+      endif()
+    endif()
+  endforeach()
+  target_link_libraries(parallax_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE} parallax_settings)
+endfunction()
