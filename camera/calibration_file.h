@@ -10,7 +10,8 @@ namespace parallax {
 
 // The calibration of one camera. Throws InputError ("FILE: key K: found X, expected Y") for anything unusable.
 // `camera_index` picks from files that hold several (Kalibr cam0, cam1...).
-// `width`, `height`: the size of the images, for formats that state none (PTAM camera.cfg) or in relative units; 0: unknown.
+// `width`, `height`: the size of the images, for formats that state none (PTAM camera.cfg) or in relative units; 0:
+// unknown.
 CameraModel read_calibration(const std::string& path, int camera_index = 0, int width = 0, int height = 0);
 
 // The same from text already in memory; `name` is used in messages. The fuzz target enters here.

@@ -49,9 +49,9 @@ class FrameSource {
 };
 
 struct SourceOptions {
-  bool colour = false;   // also decode colour (for --video); grey is always there
-  int start_frame = 0;   // first frame delivered; earlier ones are skipped and keep their numbers
-  int max_frames = -1;   // at most so many frames are delivered; -1: all
+  bool colour = false;         // also decode colour (for --video); grey is always there
+  int start_frame = 0;         // first frame delivered; earlier ones are skipped and keep their numbers
+  int max_frames = -1;         // at most so many frames are delivered; -1: all
   double fallback_fps = 30.0;  // for numbered images and videos that state no rate
 };
 

@@ -1,7 +1,8 @@
-// FAST-10 corners (Rosten and Drummond 2006; PTAM §5.1) without non-maximum suppression, in row order with a row look-up
-// table (PTAM §6.5), thresholds that adapt, and the salience measures that pick new map points (PTAM §6.2).
+// FAST-10 corners (Rosten and Drummond 2006; PTAM §5.1) without non-maximum suppression, in row order with a row
+// look-up table (PTAM §6.5), thresholds that adapt, and the salience measures that pick new map points (PTAM §6.2).
 //
-// Vectorised (SSE2, AVX2, AVX-512 chosen at run time); fast_corners_scalar() is the reference, and gives the same corners.
+// Vectorised (SSE2, AVX2, AVX-512 chosen at run time); fast_corners_scalar() is the reference, and gives the same
+// corners.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +17,8 @@ struct Corner {
   bool operator==(const Corner&) const = default;
 };
 
-// The corners of one level, sorted by row, then column; rows[y] is the index of the first corner in row y or below, with
-// rows.size() == height + 1, so row y holds corners [rows[y], rows[y + 1]).
+// The corners of one level, sorted by row, then column; rows[y] is the index of the first corner in row y or below,
+// with rows.size() == height + 1, so row y holds corners [rows[y], rows[y + 1]).
 struct CornerList {
   std::vector<Corner> corners;
   std::vector<int> rows;
@@ -46,6 +47,11 @@ struct AdaptiveThreshold {
   int min_threshold = 5, max_threshold = 40;
   int target = 1000;  // corners at this level
   void update(int found);
+
+  // The last move, so that a target between two thresholds does not make it swing: grey levels, and the |log(found /
+  // target)| that called for it.
+  int last_step = 0;
+  double last_error = 0;
 };
 
 }  // namespace parallax

@@ -15,14 +15,16 @@
 
 namespace parallax {
 
+struct CornerList;
+
 inline constexpr int kPatchSize = 8;
 inline constexpr int kPatchPixels = kPatchSize * kPatchSize;
 
 // A search template: pixels and the sums that zero-mean SSD needs.
 struct PatchTemplate {
   alignas(64) std::array<std::uint8_t, kPatchPixels> pixels{};
-  int sum = 0;             // of the pixels
-  int sum_squares = 0;     // of the squared pixels
+  int sum = 0;          // of the pixels
+  int sum_squares = 0;  // of the squared pixels
 };
 
 // Fills sum and sum_squares from pixels.
@@ -44,8 +46,15 @@ bool copy_patch(const GreyImage& source, int x, int y, PatchTemplate* out);
 int zmssd(const PatchTemplate& t, const GreyImage& image, int x, int y);
 int zmssd_scalar(const PatchTemplate& t, const GreyImage& image, int x, int y);
 
-// What inverse composition precomputes from a template: gradients (central differences inside, one-sided at the rim) and the inverse of the 3x3
-// normal matrix over (dx, dy, mean).
+// The best corner of a list inside a circle: evaluates zmssd at every corner of `corners` (of the image's own level)
+// within `radius` pixels of (cx, cy) whose 8x8 block lies inside the image. Returns the lowest score and puts its
+// position at (*best_x, *best_y), the first in row order among equals; when no score is at or below `threshold` it
+// returns a value above `threshold` and leaves the position as it was. This is the tracker's inner loop (PTAM §5.3).
+int best_zmssd(const PatchTemplate& t, const GreyImage& image, const CornerList& corners, double cx, double cy,
+               double radius, int threshold, int* best_x, int* best_y);
+
+// What inverse composition precomputes from a template: gradients (central differences inside, one-sided at the rim)
+// and the inverse of the 3x3 normal matrix over (dx, dy, mean).
 struct AlignmentTemplate {
   alignas(64) std::array<float, kPatchPixels> intensity{};
   alignas(64) std::array<float, kPatchPixels> dx{}, dy{};
@@ -57,6 +66,14 @@ struct AlignmentTemplate {
 };
 void prepare_alignment(const PatchTemplate& t, AlignmentTemplate* out);
 
+// As warp_patch() and prepare_alignment() in one, better for measuring: samples 10x10 in floating point (nothing is
+// rounded to 8 bits, and the gradients are central differences everywhere). Returns false, out->valid false, when one
+// of these samples lies outside the image. True with out->valid false: no texture.
+bool warp_alignment_template(const GreyImage& source, const Eigen::Vector2d& centre,
+                             const Eigen::Matrix2d& source_from_template, AlignmentTemplate* out);
+bool warp_alignment_template_scalar(const GreyImage& source, const Eigen::Vector2d& centre,
+                                    const Eigen::Matrix2d& source_from_template, AlignmentTemplate* out);
+
 struct AlignmentResult {
   Eigen::Vector2d position = Eigen::Vector2d::Zero();  // pixels of the image's own level
   float mean_difference = 0;                           // image minus template, grey levels
@@ -65,9 +82,9 @@ struct AlignmentResult {
   bool converged = false;
 };
 
-// Refines `start` (pixels of `image`) until the update is below 0.01 px or `max_iterations` are done. Not converged when
-// the window leaves the image, the position moves by more than `max_shift_px` from the start, or the iterations end
-// without an update below 0.03 px.
+// Refines `start` (pixels of `image`) until the update is below 0.01 px or `max_iterations` are done. Not converged
+// when the window leaves the image, the position moves by more than `max_shift_px` from the start, or the iterations
+// end without an update below 0.03 px.
 AlignmentResult align_patch(const AlignmentTemplate& t, const GreyImage& image, const Eigen::Vector2d& start,
                             int max_iterations = 10, double max_shift_px = 2.5);
 AlignmentResult align_patch_scalar(const AlignmentTemplate& t, const GreyImage& image, const Eigen::Vector2d& start,

@@ -1,5 +1,15 @@
-// Bundle adjustment (PTAM §6.3, Eq. 10 and 11): Levenberg-Marquardt with the Schur complement over points, exploiting the
-// sparsity of both sides. Arrays and indices in, numbers out.
+// Bundle adjustment (PTAM §6.3, Eq. 10 and 11): Levenberg-Marquardt with the Schur complement over points, exploiting
+// the sparsity of both sides. Arrays and indices in, numbers out.
+//
+// The cost is 1/2 sum c^2 rho(|r|^2 / (sigma_px c)^2) with c the kernel's width times its scale: Tukey's, Huber's or
+// none, minimised by iteratively re-weighted least squares inside Levenberg-Marquardt. Observations behind the camera
+// or outside the lens's domain have no weight: under Tukey they cost what an outlier costs; under the other kernels
+// those that start there are left out, and no step is taken that sends another one there.
+//
+// Gauge: with one fixed pose a mono problem's scale is free, with none its whole frame; the damping keeps the system
+// definite, and the state stays near where it started along those directions. Points that only fixed poses see are
+// adjusted too. With `threads` above one the loops are shared out; for one number of threads, results depend on the
+// input alone.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,17 +24,17 @@
 namespace parallax {
 
 struct BundleObservation {
-  int pose = 0;    // index into BundleProblem::poses
-  int point = 0;   // index into BundleProblem::points
+  int pose = 0;                                     // index into BundleProblem::poses
+  int point = 0;                                    // index into BundleProblem::points
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // level 0
-  double sigma_px = 1.0;  // standard deviation of the measurement, level-0 pixels
+  double sigma_px = 1.0;                            // standard deviation of the measurement, level-0 pixels
 };
 
 struct BundleProblem {
   CameraModel camera;
-  std::vector<RigidTransform> poses;       // camera_from_world
-  std::vector<std::uint8_t> pose_fixed;    // 1: not adjusted
-  std::vector<Eigen::Vector3d> points;     // world
+  std::vector<RigidTransform> poses;     // camera_from_world
+  std::vector<std::uint8_t> pose_fixed;  // 1: not adjusted
+  std::vector<Eigen::Vector3d> points;   // world
   std::vector<BundleObservation> observations;
 };
 
@@ -47,14 +57,13 @@ struct BundleSummary {
   double sigma = 1;                         // last kernel scale
   int iterations = 0;                       // accepted and rejected steps
   bool converged = false;
-  bool stopped = false;                     // by the stop token; the problem holds the best state found so far
-  bool failed = false;                      // numerically: nothing was changed
+  bool stopped = false;  // by the stop token; the problem holds the best state found so far
+  bool failed = false;   // numerically, or a value that is not finite: nothing was changed
 };
 
-// Adjusts poses and points in place. `outlier`, when given, gets a 1 for each observation in the zero-weight region of the
-// kernel at the end (or behind the camera). Stops within a millisecond or so of `stop` being requested.
-// Thread-safe for different problems. Each point should have two observations or more; poses without
-// observations stay as they are.
+// Adjusts poses and points in place. `outlier`, when given, gets a 1 for each observation in the zero-weight region of
+// the kernel at the end (or behind the camera). Stops within a millisecond or so of `stop` being requested. Thread-safe
+// for different problems. Each point should have two observations or more; poses without observations stay as they are.
 BundleSummary adjust_bundle(BundleProblem* problem, const BundleOptions& options, std::stop_token stop = {},
                             std::vector<std::uint8_t>* outlier = nullptr);
 

@@ -1,0 +1,128 @@
+#include "app/eval_canvas.h"
+
+#include <cmath>
+#include <filesystem>
+#include <iomanip>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <sstream>
+
+#include "core/error.h"
+#include "core/file_io.h"
+
+namespace parallax {
+namespace {
+
+class SvgCanvas : public Canvas {
+ public:
+  SvgCanvas(int width, int height) {
+    out_ << "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"" << width << "\" height=\"" << height
+         << "\" viewBox=\"0 0 " << width << " " << height << "\" font-family=\"sans-serif\">\n"
+         << "<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
+         << std::fixed << std::setprecision(2);
+  }
+
+  void polyline(const std::vector<CanvasPoint>& points, CanvasColour colour, double width_px) override {
+    if (points.size() < 2) return;
+    out_ << "<polyline fill=\"none\" stroke=\"" << name(colour) << "\" stroke-width=\"" << width_px
+         << "\" stroke-linejoin=\"round\" points=\"";
+    for (const auto& p : points) out_ << p.x << ',' << p.y << ' ';
+    out_ << "\"/>\n";
+  }
+
+  void text(CanvasPoint at, const std::string& text, double size_px, TextAnchor anchor, CanvasColour colour) override {
+    const char* anchors[] = {"start", "middle", "end"};
+    out_ << "<text x=\"" << at.x << "\" y=\"" << at.y << "\" font-size=\"" << size_px << "\" fill=\"" << name(colour)
+         << "\" text-anchor=\"" << anchors[static_cast<int>(anchor)] << "\">" << escaped(text) << "</text>\n";
+  }
+
+  void save(const std::string& path) const override {
+    write_file_atomically(path, [&](std::ostream& file) { file << out_.str() << "</svg>\n"; });
+  }
+
+ private:
+  static std::string name(CanvasColour c) {
+    return "rgb(" + std::to_string(c.red) + "," + std::to_string(c.green) + "," + std::to_string(c.blue) + ")";
+  }
+
+  static std::string escaped(const std::string& text) {
+    std::string out;
+    for (const char c : text) {
+      switch (c) {
+        case '&':
+          out += "&amp;";
+          break;
+        case '<':
+          out += "&lt;";
+          break;
+        case '>':
+          out += "&gt;";
+          break;
+        default:
+          out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+      }
+    }
+    return out;
+  }
+
+  std::ostringstream out_;
+};
+
+class PngCanvas : public Canvas {
+ public:
+  PngCanvas(int width, int height) : image_(height, width, CV_8UC3, cv::Scalar(255, 255, 255)) {}
+
+  void polyline(const std::vector<CanvasPoint>& points, CanvasColour colour, double width_px) override {
+    if (points.size() < 2) return;
+    constexpr int kFractionBits = 4;
+    std::vector<cv::Point> fixed_point;
+    for (const auto& p : points) {
+      fixed_point.emplace_back(static_cast<int>(std::lround(p.x * (1 << kFractionBits))),
+                               static_cast<int>(std::lround(p.y * (1 << kFractionBits))));
+    }
+    cv::polylines(image_, fixed_point, false, scalar(colour), std::max(1, static_cast<int>(std::lround(width_px))),
+                  cv::LINE_AA, kFractionBits);
+  }
+
+  void text(CanvasPoint at, const std::string& text, double size_px, TextAnchor anchor, CanvasColour colour) override {
+    constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
+    constexpr double kFontHeightPx = 30;  // of this font at scale 1, ascenders and descenders
+    const double scale = size_px / kFontHeightPx;
+    int base_line = 0;
+    const cv::Size size = cv::getTextSize(text, kFont, scale, 1, &base_line);
+    const double shift = anchor == TextAnchor::left ? 0 : anchor == TextAnchor::middle ? 0.5 : 1.0;
+    cv::putText(image_, text, cv::Point(cvRound(at.x - shift * size.width), cvRound(at.y)), kFont, scale,
+                scalar(colour), 1, cv::LINE_AA);
+  }
+
+  void save(const std::string& path) const override {
+    std::vector<unsigned char> bytes;
+    if (!cv::imencode(".png", image_, bytes)) throw RunError(path + ": cannot be encoded as PNG");
+    write_file_atomically(path, [&](std::ostream& file) {
+      file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    });
+  }
+
+ private:
+  static cv::Scalar scalar(CanvasColour c) { return {double(c.blue), double(c.green), double(c.red)}; }
+
+  cv::Mat image_;
+};
+
+std::string extension(const std::string& path) { return std::filesystem::path(path).extension().string(); }
+
+}  // namespace
+
+void check_canvas_path(const std::string& path) {
+  if (extension(path) == ".svg" || extension(path) == ".png") return;
+  throw InputError(path + ": a plot is written as .svg or .png, found '" + extension(path) + "'");
+}
+
+std::unique_ptr<Canvas> make_canvas(const std::string& path, int width_px, int height_px) {
+  check_canvas_path(path);
+  if (extension(path) == ".svg") return std::make_unique<SvgCanvas>(width_px, height_px);
+  return std::make_unique<PngCanvas>(width_px, height_px);
+}
+
+}  // namespace parallax

@@ -1,0 +1,102 @@
+// `parallax run SOURCE`: the tracker and the mapper, headless, on a recording.
+#include <iostream>
+#include <memory>
+#include <string>
+
+#include "app/command.h"
+#include "app/progress_bar.h"
+#include "app/run_outputs.h"
+#include "app/run_session.h"
+#include "app/source.h"
+#include "core/error.h"
+
+namespace parallax {
+namespace {
+
+struct RunArguments {
+  std::string source, calibration, init = "auto", pace = "realtime";
+  std::string trajectory, keyframes, points, timing, report, video, frames;
+  int start = 0, count = -1, threads = 1;
+  bool quiet = false;
+};
+
+std::optional<std::pair<int, int>> parse_init(const std::string& text) {
+  if (text == "auto") return std::nullopt;
+  const auto comma = text.find(',');
+  const auto number = [&](const std::string& part) {
+    std::size_t used = 0;
+    int value = -1;
+    try {
+      value = std::stoi(part, &used);
+    } catch (const std::exception&) {
+      used = 0;
+    }
+    if (part.empty() || used != part.size() || value < 0)
+      throw InputError("--init: found '" + text + "', expected auto or two frame numbers A,B");
+    return value;
+  };
+  if (comma == std::string::npos) throw InputError("--init: found '" + text + "', expected auto or two frame numbers A,B");
+  const std::pair<int, int> frames{number(text.substr(0, comma)), number(text.substr(comma + 1))};
+  if (frames.first >= frames.second)
+    throw InputError("--init: found '" + text + "', expected the second frame after the first");
+  return frames;
+}
+
+int run(const RunArguments& args) {
+  RunOptions options;
+  options.key_presses = parse_init(args.init);
+  options.pace = args.pace == "lockstep" ? Pace::lockstep : Pace::realtime;
+  options.mapper.threads = args.threads;
+  const bool drawing = !args.video.empty() || !args.frames.empty();
+  SourceOptions source_options;
+  source_options.colour = drawing;
+  source_options.start_frame = args.start;
+  source_options.max_frames = args.count;
+  OpenedSource opened = open_source(args.source, args.calibration, source_options);
+  const int total = opened.frames->frame_count();
+  const double fps = opened.frames->frames_per_second();
+  const auto source = make_read_ahead(std::move(opened.frames));
+
+  RunResult result;
+  {
+    result = run_session(source.get(), opened.camera, options,
+                         [&](const Frame& frame, const TrackingResult& tracked, const std::optional<Plane>&) {
+                           (void)frame; (void)tracked; (void)total;
+                         });
+  }
+  for (const SourceWarning& w : result.warnings) std::cerr << "parallax: warning: " << w.text << '\n';
+  if (!args.trajectory.empty()) write_trajectory_tum(tracked_trajectory(result), args.trajectory);
+  if (!args.keyframes.empty()) write_trajectory_tum(keyframe_trajectory(result), args.keyframes);
+  if (!args.points.empty()) write_points_ply(result.map, args.points);
+  if (!args.timing.empty()) write_timing_csv(result, args.timing);
+  if (!args.report.empty()) {
+    const ReportContext context{args.source, PARALLAX_VERSION, args.pace, args.init, fps, &opened.camera, &options};
+    write_report_json(result, context, args.report);
+  }
+  std::cout << summary_text(result);
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_run_command(CLI::App& app, int* exit_code) {
+  auto args = std::make_shared<RunArguments>();
+  CLI::App* command = app.add_subcommand("run", "Track and map a recording, headless");
+  command->add_option("source", args->source, "Video file, data-set folder, image folder, or synthetic:NAME")->required();
+  command->add_option("--calibration", args->calibration, "Calibration file; default: the one the source carries");
+  command->add_option("--init", args->init, "auto, or the frame numbers A,B of the two key presses")->capture_default_str();
+  command->add_option("--pace", args->pace, "realtime: frames arrive at their time stamps; lockstep: deterministic")
+      ->check(CLI::IsMember({"realtime", "lockstep"}))
+      ->capture_default_str();
+  command->add_option("--start", args->start, "First frame")->check(CLI::NonNegativeNumber);
+  command->add_option("--frames-limit", args->count, "At most so many frames");
+  command->add_option("--threads", args->threads, "Threads of one bundle adjustment")->check(CLI::Range(1, 64));
+  command->add_option("--trajectory", args->trajectory, "Write every tracked pose (TUM form)");
+  command->add_option("--keyframes", args->keyframes, "Write the keyframes' poses (TUM form)");
+  command->add_option("--points", args->points, "Write the map's points (PLY)");
+  command->add_option("--timing", args->timing, "Write a row a frame (CSV)");
+  command->add_option("--report", args->report, "Write counts, timings and settings (JSON)");
+  command->callback([args, exit_code] { *exit_code = run(*args); });
+}
+
+}  // namespace parallax

@@ -1,0 +1,181 @@
+#include "app/run_outputs.h"
+
+#include <algorithm>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "core/file_io.h"
+
+namespace parallax {
+namespace {
+
+struct Percentiles {
+  double median = 0, p99 = 0, max = 0;
+};
+
+Percentiles percentiles(std::vector<float> values) {
+  if (values.empty()) return {};
+  std::sort(values.begin(), values.end());
+  const auto at = [&](double part) {
+    return static_cast<double>(values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1) + 0.5)]);
+  };
+  return {at(0.5), at(0.99), values.back()};
+}
+
+nlohmann::json to_json(const Percentiles& p) { return {{"median", p.median}, {"p99", p.p99}, {"max", p.max}}; }
+
+bool on_map(const TrackingResult& r) { return r.camera_from_world.has_value(); }
+
+template <class Get>
+std::vector<float> collect(const RunResult& result, Get get) {
+  std::vector<float> out;
+  for (const TrackingResult& r : result.frames)
+    if (on_map(r)) out.push_back(get(r));
+  return out;
+}
+
+struct Counts {
+  int tracked = 0, good = 0, poor = 0, lost = 0, relocalised = 0, losses = 0, before_map = 0;
+};
+
+Counts count(const RunResult& result) {
+  Counts c;
+  bool was_lost = false;
+  for (const TrackingResult& r : result.frames) {
+    if (on_map(r)) {
+      ++c.tracked;
+      (r.quality == TrackingQuality::good ? c.good : c.poor)++;
+      if (r.relocalised) ++c.relocalised;
+      was_lost = false;
+    } else if (r.state == TrackingState::lost || r.state == TrackingState::tracking) {
+      ++c.lost;
+      if (!was_lost) ++c.losses;
+      was_lost = true;
+    } else {
+      ++c.before_map;
+    }
+  }
+  return c;
+}
+
+}  // namespace
+
+Trajectory tracked_trajectory(const RunResult& result) {
+  Trajectory out;
+  for (const TrackingResult& r : result.frames) {
+    if (!r.camera_from_world || r.map_version != result.map_version) continue;
+    const SimilarityTransform now_from_then = result.world_from_first * r.world_from_first.inverse();
+    out.push_back({r.time, now_from_then.rebase(*r.camera_from_world).inverse()});
+  }
+  return out;
+}
+
+Trajectory keyframe_trajectory(const RunResult& result) {
+  Trajectory out;
+  for (const Keyframe& kf : result.map.keyframes) out.push_back({kf.time, kf.camera_from_world.inverse()});
+  return out;
+}
+
+void write_points_ply(const Map& map, const std::string& path) {
+  write_file_atomically(path, [&](std::ostream& out) {
+    out << "ply\nformat ascii 1.0\ncomment points of a Parallax map, metres, world frame\nelement vertex " << map.points.size()
+        << "\nproperty double x\nproperty double y\nproperty double z\nproperty float nx\nproperty float ny\nproperty float nz\n"
+           "property uchar intensity\nproperty uchar level\nproperty int observers\nend_header\n";
+    out << std::setprecision(9);
+    for (const MapPoint& p : map.points) {
+      const GreyImage& image = map.keyframes.at(p.source).images->pyramid.level[p.source_level];
+      const int intensity = image(static_cast<int>(p.source_pixel.y() + 0.5), static_cast<int>(p.source_pixel.x() + 0.5));
+      out << p.position.x() << ' ' << p.position.y() << ' ' << p.position.z() << ' ' << static_cast<float>(p.normal.x()) << ' '
+          << static_cast<float>(p.normal.y()) << ' ' << static_cast<float>(p.normal.z()) << ' ' << intensity << ' '
+          << p.source_level << ' ' << p.observers.size() << '\n';
+    }
+  });
+}
+
+void write_timing_csv(const RunResult& result, const std::string& path) {
+  write_file_atomically(path, [&](std::ostream& out) {
+    out << "frame,state,quality,attempted,found,points,keyframes,features_ms,projection_ms,search_ms,pose_ms,recovery_ms,"
+           "total_ms,cpu_ms\n";
+    out << std::fixed << std::setprecision(4);
+    for (const TrackingResult& r : result.frames) {
+      out << r.frame << ',' << to_string(r.state) << ',' << (on_map(r) ? to_string(r.quality) : "none") << ','
+          << r.total_attempted() << ',' << r.total_found() << ',' << r.map_points << ',' << r.map_keyframes << ','
+          << r.times.features << ',' << r.times.projection << ',' << r.times.search << ',' << r.times.pose << ','
+          << r.times.recovery << ',' << r.times.total << ',' << r.times.cpu << '\n';
+    }
+  });
+}
+
+void write_report_json(const RunResult& result, const ReportContext& context, const std::string& path) {
+  const Counts c = count(result);
+  nlohmann::json report;
+  report["program"] = {{"name", "parallax"}, {"version", context.version}};
+  report["source"] = {{"name", context.source},
+                      {"frames_per_second", context.frames_per_second},
+                      {"width", context.camera->width()},
+                      {"height", context.camera->height()},
+                      {"camera_model", to_string(context.camera->kind())}};
+  const TrackerOptions& t = context.options->tracker;
+  const MapperOptions& m = context.options->mapper;
+  report["settings"] = {{"pace", context.pace},
+                        {"init", context.initialisation},
+                        {"coarse_points", t.coarse_points},
+                        {"fine_points", t.fine_points},
+                        {"coarse_radius_px", t.coarse_radius_px},
+                        {"fine_radius_px", t.fine_radius_px},
+                        {"keyframe_interval_frames", t.keyframe_interval_frames},
+                        {"keyframe_distance_over_depth", t.keyframe_distance_over_depth},
+                        {"local_keyframes", m.local_keyframes},
+                        {"initial_baseline_m", m.initial_baseline_m},
+                        {"seed", m.seed}};
+  report["frames"] = {{"read", result.frames_read},     {"tracked", c.tracked},         {"good", c.good},
+                      {"poor", c.poor},                 {"lost", c.lost},               {"times_lost", c.losses},
+                      {"relocalised", c.relocalised},   {"before_map", c.before_map},   {"dropped", result.frames_dropped}};
+  report["tracked_fraction"] = result.frames_read > 0 ? static_cast<double>(c.tracked) / result.frames_read : 0.0;
+  report["wall_seconds"] = result.wall_seconds;
+  report["map"] = {{"keyframes", result.map.keyframes.size()}, {"points", result.map.points.size()}};
+  std::array<int, kPyramidLevels> level{};
+  for (const MapPoint& p : result.map.points) ++level[p.source_level];
+  report["map"]["points_of_level"] = level;
+  report["tracking_ms"] = {
+      {"features", to_json(percentiles(collect(result, [](const auto& r) { return r.times.features; })))},
+      {"projection", to_json(percentiles(collect(result, [](const auto& r) { return r.times.projection; })))},
+      {"search", to_json(percentiles(collect(result, [](const auto& r) { return r.times.search; })))},
+      {"pose", to_json(percentiles(collect(result, [](const auto& r) { return r.times.pose; })))},
+      {"total", to_json(percentiles(collect(result, [](const auto& r) { return r.times.total; })))},
+      {"cpu", to_json(percentiles(collect(result, [](const auto& r) { return r.times.cpu; })))}};
+  report["mapping"] = {{"keyframes_inserted", result.mapper.keyframes_inserted},
+                       {"keyframes_refused", result.mapper.keyframes_refused},
+                       {"keyframes_rejected", result.mapper.keyframes_rejected},
+                       {"keyframes_culled", result.mapper.keyframes_culled},
+                       {"points_made", result.mapper.points_made},
+                       {"points_erased", result.mapper.points_erased},
+                       {"points_merged", result.mapper.points_merged},
+                       {"measurements_added", result.mapper.measurements_added},
+                       {"adjustments_interrupted", result.mapper.adjustments_interrupted},
+                       {"insertion_ms", to_json(percentiles(result.mapper.insertion_ms))},
+                       {"local_adjustment_ms", to_json(percentiles(result.mapper.local_ms))},
+                       {"global_adjustment_ms", to_json(percentiles(result.mapper.global_ms))}};
+  report["lock_ms"] = {{"map_wait", to_json(percentiles(result.lock_times.wait_ms))},
+                       {"map_hold", to_json(percentiles(result.lock_times.hold_ms))},
+                       {"tracker_wait", to_json(percentiles(result.snapshot_waits_ms))}};
+  nlohmann::json warnings = nlohmann::json::array();
+  for (const SourceWarning& w : result.warnings) warnings.push_back({{"frame", w.frame}, {"text", w.text}});
+  report["warnings"] = warnings;
+  write_file_atomically(path, [&](std::ostream& out) { out << report.dump(2) << '\n'; });
+}
+
+std::string summary_text(const RunResult& result) {
+  const Counts c = count(result);
+  const Percentiles total = percentiles(collect(result, [](const auto& r) { return r.times.total; }));
+  std::ostringstream out;
+  out << "frames " << result.frames_read << ", tracked " << c.tracked << " ("
+      << (result.frames_read > 0 ? 100 * c.tracked / result.frames_read : 0) << " %), lost " << c.lost << ", dropped "
+      << result.frames_dropped << "\nmap: " << result.map.keyframes.size() << " keyframes, " << result.map.points.size()
+      << " points\ntracking: median " << std::fixed << std::setprecision(2) << total.median << " ms, 99th percentile "
+      << total.p99 << " ms a frame\n";
+  return out.str();
+}
+
+}  // namespace parallax

@@ -1,0 +1,49 @@
+// One run of the tracker and mapper on a source: two threads at the pace of the time stamps, or lockstep.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "camera/frame_source.h"
+#include "map/shared_map.h"
+#include "mapper/mapper.h"
+#include "tracker/tracker.h"
+
+namespace parallax {
+
+enum class Pace { realtime, lockstep };
+
+struct RunOptions {
+  Pace pace = Pace::realtime;
+  // Frame numbers of the two key presses; nothing: chosen automatically.
+  std::optional<std::pair<int, int>> key_presses;
+  TrackerOptions tracker;
+  MapperOptions mapper;
+};
+
+struct RunResult {
+  std::vector<TrackingResult> frames;      // every frame delivered to the tracker, without points and trails
+  std::vector<SourceWarning> warnings;     // of the source
+  int frames_read = 0;
+  int frames_dropped = 0;                  // realtime: the tracker was not ready for them
+  double wall_seconds = 0;
+  MapperStatistics mapper;
+  Map map;                                 // as it was at the end
+  SimilarityTransform world_from_first;
+  std::uint64_t map_version = 0;
+  LockTimes lock_times;
+  std::vector<float> snapshot_waits_ms;
+};
+
+// Called on the tracking thread after each frame, with the frame, the result with its points, and the map's plane.
+using FrameObserver = std::function<void(const Frame&, const TrackingResult&, const std::optional<Plane>&)>;
+
+// Runs to the end of the source. Mapping goes on after the last frame until there is nothing left to do (in realtime: for
+// at most a few seconds).
+RunResult run_session(FrameSource* source, const CameraModel& camera, const RunOptions& options,
+                      const FrameObserver& observer);
+
+}  // namespace parallax

@@ -1,0 +1,129 @@
+// What passes from the tracking thread to the mapping thread, and back through futures. The queue is bounded; a keyframe
+// that is refused stays with the tracker, which may offer a later one.
+#pragma once
+
+#include <cstdint>
+#include <future>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "core/bounded_queue.h"
+#include "core/mutex.h"
+#include "core/se3.h"
+#include "core/time.h"
+#include "map/entities.h"
+
+namespace parallax {
+
+// A frame that the tracker thinks worth keeping (PTAM §6.2).
+struct KeyframeProposal {
+  int frame = -1;
+  Timestamp time{0};
+  RigidTransform camera_from_world;
+  std::uint64_t world_version = 0, map_version = 0;  // of the snapshot it was tracked with
+  SimilarityTransform world_from_first;
+  std::shared_ptr<const FrameImages> images;
+  std::vector<Measurement> measurements;
+};
+
+// How the tracker fared with each point since it last reported.
+struct PointCount {
+  PointId point;
+  std::uint16_t searched = 0, found = 0, outliers = 0;
+};
+struct PointCounts {
+  std::uint64_t map_version = 0;
+  std::vector<PointCount> counts;
+};
+
+// Two views and their 2D tracks (PTAM §6.1).
+struct TrailMatch {
+  int trail = 0;
+  Eigen::Vector2d first = Eigen::Vector2d::Zero(), second = Eigen::Vector2d::Zero();  // level-0 pixels
+};
+struct InitialisationReply {
+  bool ok = false;
+  std::string reason;  // one sentence for the user when refused
+  RigidTransform second_from_world;
+  std::vector<std::pair<int, PointId>> point_of_trail;
+};
+struct InitialisationRequest {
+  bool automatic = false;  // chosen by measured parallax: held to stricter terms than a key press
+  int first_frame = -1, second_frame = -1;
+  Timestamp first_time{0}, second_time{0};
+  std::shared_ptr<const FrameImages> first, second;
+  std::vector<TrailMatch> matches;
+  std::promise<InitialisationReply> reply;
+};
+
+// Everything is forgotten; answered when the map is empty.
+struct ResetRequest {
+  std::promise<void> done;
+};
+
+using MapperMessage = std::variant<KeyframeProposal, PointCounts, InitialisationRequest, ResetRequest>;
+
+// The mapper's queue. A message that cannot wait (a keyframe, a reset, an initialisation) interrupts the solve in progress.
+// Safe from any thread.
+class MapperInbox {
+ public:
+  explicit MapperInbox(std::size_t capacity) : queue_(capacity) {}
+
+  // Never waits: false, and the message stays with the caller, when the queue is full.
+  bool try_push(MapperMessage& message) PARALLAX_EXCLUDES(mutex_) {
+    const bool urgent = !std::holds_alternative<PointCounts>(message);
+    if (urgent) {
+      MutexLock lock(mutex_);
+      ++urgent_waiting_;
+    }
+    const bool pushed = queue_.try_push(message);
+    if (urgent) {
+      MutexLock lock(mutex_);
+      if (pushed) {
+        interrupt_.request_stop();
+      } else {
+        --urgent_waiting_;
+      }
+    }
+    return pushed;
+  }
+
+  std::optional<MapperMessage> try_pop() PARALLAX_EXCLUDES(mutex_) { return counted(queue_.try_pop()); }
+  // Waits; nothing when stopped or closed.
+  std::optional<MapperMessage> pop(std::stop_token stop) PARALLAX_EXCLUDES(mutex_) { return counted(queue_.pop(stop)); }
+
+  // A token for a long solve: asked to stop as soon as an urgent message waits, at once if one does already.
+  std::stop_token interrupt_token() PARALLAX_EXCLUDES(mutex_) {
+    MutexLock lock(mutex_);
+    interrupt_ = std::stop_source();
+    if (urgent_waiting_ > 0) interrupt_.request_stop();
+    return interrupt_.get_token();
+  }
+  // Stops the solve in progress, whatever it is (quit).
+  void interrupt() PARALLAX_EXCLUDES(mutex_) {
+    MutexLock lock(mutex_);
+    interrupt_.request_stop();
+  }
+  std::size_t size() const { return queue_.size(); }
+  void close() { queue_.close(); }
+
+ private:
+  std::optional<MapperMessage> counted(std::optional<MapperMessage> message) PARALLAX_EXCLUDES(mutex_) {
+    if (message && !std::holds_alternative<PointCounts>(*message)) {
+      MutexLock lock(mutex_);
+      --urgent_waiting_;
+    }
+    return message;
+  }
+
+  BoundedQueue<MapperMessage> queue_;
+  Mutex mutex_;
+  std::stop_source interrupt_ PARALLAX_GUARDED_BY(mutex_);
+  int urgent_waiting_ PARALLAX_GUARDED_BY(mutex_) = 0;
+};
+
+}  // namespace parallax

@@ -1,0 +1,66 @@
+#include "map/shared_map.h"
+
+namespace parallax {
+namespace {
+constexpr std::size_t kMaxSamples = 1000000;
+}
+
+SharedMap::SharedMap() : snapshot_(std::make_shared<TrackingSnapshot>()) {}
+
+SharedMap::Timer::~Timer() {
+  using Milliseconds = std::chrono::duration<float, std::milli>;
+  const auto end = SteadyClock::now();
+  MutexLock lock(map_->times_mutex_);
+  if (map_->times_.wait_ms.size() >= kMaxSamples) return;
+  map_->times_.wait_ms.push_back(Milliseconds(locked_ - start_).count());
+  map_->times_.hold_ms.push_back(Milliseconds(end - locked_).count());
+}
+
+std::shared_ptr<const TrackingSnapshot> SharedMap::snapshot() const {
+  const auto start = SteadyClock::now();
+  std::shared_ptr<const TrackingSnapshot> out;
+  {
+    MutexLock lock(snapshot_mutex_);
+    out = snapshot_;
+  }
+  const auto wait = std::chrono::duration<float, std::milli>(SteadyClock::now() - start).count();
+  MutexLock lock(times_mutex_);
+  if (snapshot_waits_ms_.size() < kMaxSamples) snapshot_waits_ms_.push_back(wait);
+  return out;
+}
+
+void SharedMap::publish() {
+  // The mapper is the only structural writer and the only publisher, so the map does not change between the two locks.
+  const auto made = read([](const Map& map) { return make_snapshot(map); });
+  auto numbered = std::const_pointer_cast<TrackingSnapshot>(made);
+  MutexLock lock(snapshot_mutex_);
+  numbered->version = snapshot_->version + 1;
+  numbered->world_version = world_version_;
+  numbered->map_version = map_version_;
+  numbered->world_from_first = world_from_first_;
+  snapshot_ = made;
+}
+
+void SharedMap::note_world_change(const SimilarityTransform& new_from_old) {
+  MutexLock lock(snapshot_mutex_);
+  ++world_version_;
+  world_from_first_ = new_from_old * world_from_first_;
+}
+
+void SharedMap::note_new_map() {
+  MutexLock lock(snapshot_mutex_);
+  ++map_version_;
+  world_from_first_ = SimilarityTransform();
+}
+
+LockTimes SharedMap::lock_times() const {
+  MutexLock lock(times_mutex_);
+  return times_;
+}
+
+std::vector<float> SharedMap::snapshot_waits_ms() const {
+  MutexLock lock(times_mutex_);
+  return snapshot_waits_ms_;
+}
+
+}  // namespace parallax

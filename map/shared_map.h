@@ -1,0 +1,86 @@
+// The one map that the tracking and the mapping thread share. The lock is held for the time of a copy; whoever computes,
+// extracts first and commits afterwards. The mapper is the only structural writer. Every member is safe from any thread.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "core/mutex.h"
+#include "core/time.h"
+#include "map/map.h"
+#include "map/tracking_snapshot.h"
+
+namespace parallax {
+
+// How long the lock was waited for and held, in milliseconds.
+struct LockTimes {
+  std::vector<float> wait_ms, hold_ms;
+};
+
+class SharedMap {
+ public:
+  SharedMap();
+
+  // Scoped access: read(fn(const Map&)), write(fn(Map&)). The function must not keep references.
+  template <class Function>
+  auto read(Function&& function) const PARALLAX_EXCLUDES(mutex_) {
+    const Timer timer(this);
+    MutexLock lock(mutex_);
+    timer.locked();
+    return std::forward<Function>(function)(static_cast<const Map&>(map_));
+  }
+  template <class Function>
+  auto write(Function&& function) PARALLAX_EXCLUDES(mutex_) {
+    const Timer timer(this);
+    MutexLock lock(mutex_);
+    timer.locked();
+    return std::forward<Function>(function)(map_);
+  }
+
+  // What the tracker sees: a pointer taken under a lock of its own. Never null.
+  std::shared_ptr<const TrackingSnapshot> snapshot() const PARALLAX_EXCLUDES(snapshot_mutex_);
+
+  // Builds a snapshot of the map as it is and makes it the tracker's (mapper only).
+  void publish() PARALLAX_EXCLUDES(mutex_, snapshot_mutex_);
+
+  // The world was moved by write(transform_world): the next publication carries the transform (mapper only).
+  void note_world_change(const SimilarityTransform& new_from_old) PARALLAX_EXCLUDES(snapshot_mutex_);
+  // The map was cleared or made anew: nothing that referred to the old one is valid (mapper only).
+  void note_new_map() PARALLAX_EXCLUDES(snapshot_mutex_);
+
+  // Waits and holds of the map's lock since the start (the newest million), and waits for the snapshot pointer alone.
+  LockTimes lock_times() const PARALLAX_EXCLUDES(times_mutex_);
+  std::vector<float> snapshot_waits_ms() const PARALLAX_EXCLUDES(times_mutex_);
+
+ private:
+  class Timer {
+   public:
+    explicit Timer(const SharedMap* map) : map_(map), start_(SteadyClock::now()), locked_(start_) {}
+    ~Timer();
+    void locked() const { locked_ = SteadyClock::now(); }
+    Timer(const Timer&) = delete;
+    Timer& operator=(const Timer&) = delete;
+
+   private:
+    const SharedMap* map_;
+    SteadyClock::time_point start_;
+    mutable SteadyClock::time_point locked_;
+  };
+
+  mutable Mutex mutex_;
+  Map map_ PARALLAX_GUARDED_BY(mutex_);
+
+  mutable Mutex snapshot_mutex_;
+  std::shared_ptr<const TrackingSnapshot> snapshot_ PARALLAX_GUARDED_BY(snapshot_mutex_);
+  std::uint64_t world_version_ PARALLAX_GUARDED_BY(snapshot_mutex_) = 0;
+  std::uint64_t map_version_ PARALLAX_GUARDED_BY(snapshot_mutex_) = 0;
+  SimilarityTransform world_from_first_ PARALLAX_GUARDED_BY(snapshot_mutex_);
+
+  mutable Mutex times_mutex_;
+  mutable LockTimes times_ PARALLAX_GUARDED_BY(times_mutex_);
+  mutable std::vector<float> snapshot_waits_ms_ PARALLAX_GUARDED_BY(times_mutex_);
+};
+
+}  // namespace parallax

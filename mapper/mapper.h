@@ -1,0 +1,61 @@
+// What the mapping thread does (PTAM §6, Fig. 2), one unit of work a call, the most urgent first: messages, a new keyframe, local
+// adjustment, global adjustment, data association refinement. Not thread-safe: one thread calls it; it is the map's only structural
+// writer. Run it in a loop of its own, or step by step between frames (lockstep).
+#pragma once
+
+#include <memory>
+#include <random>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "map/messages.h"
+#include "map/shared_map.h"
+#include "mapper/data_association.h"
+#include "mapper/map_adjustment.h"
+#include "mapper/mapper_options.h"
+
+namespace parallax {
+
+// What it has done so far; read it when the mapper is at rest.
+struct MapperStatistics {
+  int keyframes_inserted = 0, keyframes_refused = 0, keyframes_culled = 0, keyframes_rejected = 0;
+  int points_made = 0, points_erased = 0, points_merged = 0, measurements_added = 0;
+  int local_adjustments = 0, global_adjustments = 0, adjustments_interrupted = 0;
+  std::vector<float> insertion_ms, local_ms, global_ms;
+};
+
+class Mapper {
+ public:
+  // `map` and `inbox` outlive the mapper.
+  Mapper(const CameraModel& camera, const MapperOptions& options, SharedMap* map, MapperInbox* inbox);
+
+  // Does one unit of work; false when there was nothing to do.
+  bool step();
+
+  // Waits for messages and works until stopped.
+  void run(std::stop_token stop);
+
+  const MapperStatistics& statistics() const { return statistics_; }
+
+ private:
+  void handle(MapperMessage message);
+  void handle_keyframe(const KeyframeProposal& proposal);
+  void handle_initialisation(InitialisationRequest request);
+  void after_adjustment(const AdjustmentReport& report);
+  bool work();
+
+  CameraModel camera_;
+  MapperOptions options_;
+  SharedMap* map_;
+  MapperInbox* inbox_;
+  std::mt19937_64 rng_;
+  DataAssociation association_;
+  MapperStatistics statistics_;
+
+  KeyframeId newest_;
+  bool local_pending_ = false, global_pending_ = false, association_pending_ = false, upkeep_pending_ = false;
+  int global_rounds_ = 0;
+};
+
+}  // namespace parallax

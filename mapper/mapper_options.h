@@ -1,0 +1,54 @@
+// Options of the mapping thread. Each states default, unit, meaning and source; validate() throws InputError.
+#pragma once
+
+#include <cstdint>
+
+#include "mapper/dominant_plane.h"
+#include "mapper/two_view.h"
+
+namespace parallax {
+
+struct MapperOptions {
+  // Initialisation (PTAM §6.1).
+  double initial_baseline_m = 0.1;       // "the camera translated 10 cm between the stereo pair"
+  double auto_min_parallax_deg = 1.2;    // for frames chosen automatically
+  int initial_min_points = 60;
+  double initial_max_sigma_px = 1.5;     // robust scale after the first adjustment
+  TwoViewOptions two_view;
+  PlaneOptions plane;
+
+  // New points (PTAM §6.2).
+  double min_shi_tomasi[4] = {35, 30, 25, 20};   // grey levels squared, a level
+  double min_spacing_px = 5;             // between a candidate and an existing measurement, pixels of the candidate's level
+  int max_new_points[4] = {350, 180, 90, 40};    // a keyframe and level, for 640x480
+  double epipolar_band_px = 1.5;         // distance from the epipolar line, pixels of the level
+  double epipolar_uniqueness = 0.7;      // best score must be below this part of the second best elsewhere on the line
+  double min_triangulation_deg = 1.0;
+  double max_triangulation_error_px = 1.5;  // pixels of the level
+
+  // Measuring known points at their predicted place.
+  double refind_radius_px = 4;           // pixels of the level
+  double second_chance_radius_px = 1.5;  // pixels of the level (PTAM §6.4: "far tighter")
+
+  // Adjustment (PTAM §6.3).
+  int local_keyframes = 5;               // the newest and the four nearest
+  int local_iterations = 15, global_iterations = 15;
+  double min_sigma = 0.2;                // lower bound of the robust scale, in units of a measurement's sigma
+  int threads = 1;                       // of a solve
+
+  // Points that are wrong.
+  int bad_after_outliers = 20;           // outliers of the tracked pose, when they are also the larger part
+  int bad_after_searches = 60;           // searched so often and found in less than min_found_part
+  double min_found_part = 0.08;
+  // Keyframes that are wrong, or not needed.
+  double keyframe_outlier_part = 0.5;    // of its measurements in one adjustment: the keyframe goes
+  int min_keyframe_measurements = 15;
+  int cull_above_keyframes = 40;         // redundant ones are culled only above this number
+  double redundant_part = 0.9;           // of its points measured by three or more others at the same or a finer level
+
+  std::uint64_t seed = 1;
+
+  void validate() const;
+};
+
+}  // namespace parallax

@@ -1,0 +1,70 @@
+#include "tracker/patch_search.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace parallax {
+namespace {
+
+// A sub-pixel match whose residual is above this (grey levels rms), and above its share of the template's contrast, is
+// something else.
+constexpr float kMaxRms = 22.0f;
+constexpr float kMaxRmsPart = 0.6f;
+constexpr float kNoiseRms = 7.0f;
+
+bool looks_alike(const AlignmentResult& result, const PatchTemplate& t) {
+  const float energy = static_cast<float>(t.sum_squares) - static_cast<float>(t.sum) * static_cast<float>(t.sum) / kPatchPixels;
+  const float contrast = std::sqrt(std::max(0.0f, energy / kPatchPixels));
+  return result.rms_residual < std::min(kMaxRms, std::max(kNoiseRms, kMaxRmsPart * contrast));
+}
+
+}  // namespace
+
+const WarpedPatch& PatchSearch::warped(const TrackingSnapshot& map, const Candidate& candidate) {
+  const auto index = static_cast<std::size_t>(map.id[candidate.row].index);
+  if (index >= cache_.size()) cache_.resize(std::max(index + 1, 2 * cache_.size()));
+  auto& entry = cache_[index];
+  if (!entry) entry = std::make_unique<Entry>();
+  const SnapshotKeyframe& source = map.keyframes[map.source[candidate.row]];
+  const Eigen::Vector2f source_pixel = map.source_pixel[candidate.row];
+  // How far a corner of the patch (half a patch from the centre) moves in the target level between the two warps.
+  const double change = (candidate.warp - entry->patch.warp).cwiseAbs().sum() * (kPatchSize / 2) / level_scale(candidate.level);
+  const bool same = entry->patch.level == candidate.level && entry->source == source.id &&
+                    entry->source_pixel == source_pixel && change < options_.template_reuse_px;
+  if (!same) {
+    warp_source_patch(source.images->pyramid, map.source_level[candidate.row], source_pixel.cast<double>(), candidate.warp,
+                      candidate.level, &entry->patch);
+    entry->source = source.id;
+    entry->source_pixel = source_pixel;
+  }
+  if (entry->patch.ok && !entry->patch.alignment_ready)
+    prepare_alignment(source.images->pyramid, map.source_level[candidate.row], source_pixel.cast<double>(), &entry->patch);
+  return entry->patch;
+}
+
+PatchMatch PatchSearch::find(const TrackingSnapshot& map, const Candidate& candidate, const FrameImages& frame,
+                             double radius_px, bool align_directly) {
+  PatchMatch match;
+  const WarpedPatch& patch = warped(map, candidate);
+  if (!patch.ok || !patch.alignment.valid) return match;
+  const int level = candidate.level;
+  const Eigen::Vector2d centre = level0_to_level(candidate.pixel, level);
+  const double radius = radius_px / level_scale(level) + 1.0;
+  const int threshold = zmssd_threshold(patch.search);
+  int x = 0, y = 0;
+  const int score = best_zmssd(patch.search, frame.pyramid.level[level], frame.corners[level], centre.x(), centre.y(), radius,
+                               threshold, &x, &y);
+  AlignmentResult result;
+  if (score <= threshold) {
+    result = align_patch(patch.alignment, frame.pyramid.level[level], Eigen::Vector2d(x, y));
+  } else if (align_directly) {
+    result = align_patch(patch.alignment, frame.pyramid.level[level], centre);
+  }
+  if (!result.converged || !looks_alike(result, patch.search)) return match;
+  match.pixel = level_to_level0(result.position, level);
+  match.sigma_px = level_scale(level);
+  match.found = (match.pixel - candidate.pixel).norm() <= radius_px + 2 * level_scale(level);
+  return match;
+}
+
+}  // namespace parallax

@@ -1,0 +1,75 @@
+#include "tracker/relocaliser.h"
+
+#include <algorithm>
+
+#include "tracker/tracking_quality.h"
+
+namespace parallax {
+namespace {
+
+constexpr double kRecoveryCoarseRadius_px = 45;
+// A candidate's small image must be explained to this part of its own variance after alignment.
+constexpr double kMaxUnexplained = 0.9;
+
+double variance(const SmallBlurryImage& image) {
+  double sum = 0;
+  for (float v : image.image) sum += static_cast<double>(v) * v;
+  return sum / std::max<double>(1.0, static_cast<double>(image.image.total()));
+}
+
+struct Scored {
+  double difference;
+  int row;
+};
+
+}  // namespace
+
+bool Relocaliser::try_pose(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& pose,
+                           TwoStageTracker* tracker, TwoStageResult* result) const {
+  TwoStageRequest request;
+  request.prior = pose;
+  request.coarse_radius_px = kRecoveryCoarseRadius_px;
+  request.fine_radius_px = options_.fine_radius_no_coarse_px;
+  tracker->track(map, frame, request, result);
+  if (!result->ok || result->inliers < options_.coarse_min) return false;
+  // A second pass from the pose found: what is right stays right and finds more.
+  request.prior = result->camera_from_world;
+  request.coarse = false;
+  request.fine_radius_px = options_.fine_radius_px;
+  tracker->track(map, frame, request, result);
+  return accept_recovery(*result, camera_, options_);
+}
+
+bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& hint,
+                          TwoStageTracker* tracker, TwoStageResult* accepted) {
+  if (map.keyframes.empty()) return false;
+  if (try_pose(map, frame, hint, tracker, accepted)) return true;
+
+  std::vector<Scored> scored;
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i)
+    scored.push_back({small_image_difference(map.keyframes[i].images->small, frame.small), static_cast<int>(i)});
+  std::sort(scored.begin(), scored.end(), [](const Scored& a, const Scored& b) {
+    return a.difference != b.difference ? a.difference < b.difference : a.row < b.row;
+  });
+
+  const double frame_variance = variance(frame.small);
+  // The best one is tried in every frame, the others take turns.
+  std::vector<int> rows = {scored.front().row};
+  const std::size_t others = scored.size() - 1;
+  for (int k = 1; k < options_.recovery_candidates && others > 0; ++k) rows.push_back(scored[1 + next_++ % others].row);
+  for (int row : rows) {
+    const SnapshotKeyframe& kf = map.keyframes[row];
+    const SmallImageAlignment alignment = align_small_images(kf.images->small, frame.small);
+    if (!alignment.converged || alignment.mean_squared_difference > kMaxUnexplained * frame_variance) continue;
+    // The image motion is read as a rotation first, then as a sideways translation at the keyframe's depth.
+    const Eigen::Matrix3d rotation = rotation_from_alignment(camera_, alignment);
+    const RigidTransform rotated(rotation * kf.camera_from_world.R, rotation * kf.camera_from_world.t);
+    if (try_pose(map, frame, rotated, tracker, accepted)) return true;
+    RigidTransform shifted = kf.camera_from_world;
+    shifted.t.head<2>() += (alignment.shift.array() / camera_.focal_px().array() * kf.mean_depth).matrix();
+    if (try_pose(map, frame, shifted, tracker, accepted)) return true;
+  }
+  return false;
+}
+
+}  // namespace parallax

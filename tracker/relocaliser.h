@@ -1,0 +1,34 @@
+// Recovery when lost (PTAM §5.6): the keyframes that look most like the frame as small blurry images give candidate poses; patch
+// search and pose refinement accept or reject them. A pose that is not clearly supported is never returned.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "tracker/two_stage.h"
+
+namespace parallax {
+
+// Not thread-safe; belongs to the tracking thread.
+class Relocaliser {
+ public:
+  Relocaliser(const CameraModel& camera, const TrackerOptions& options) : camera_(camera), options_(options) {}
+
+  // Starts a new recovery.
+  void reset() { next_ = 0; }
+
+  // Tries the pose `hint` (where the camera was last) and some of the best keyframes; the following calls go on down the
+  // list, so that every keyframe gets its turn while lost. True with the result that was accepted.
+  bool recover(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& hint, TwoStageTracker* tracker,
+               TwoStageResult* accepted);
+
+ private:
+  bool try_pose(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& pose, TwoStageTracker* tracker,
+                TwoStageResult* result) const;
+
+  CameraModel camera_;
+  TrackerOptions options_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace parallax

@@ -1,0 +1,64 @@
+// What the tracking thread does with a frame (PTAM §5): composes features, motion model, two-stage tracking, quality, recovery
+// and keyframe proposals. Not thread-safe: one thread calls it; the map is read through snapshots, and the mapper is
+// spoken to through its inbox.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/frame.h"
+#include "map/messages.h"
+#include "map/shared_map.h"
+#include "tracker/frame_features.h"
+#include "tracker/initialisation.h"
+#include "tracker/motion_model.h"
+#include "tracker/relocaliser.h"
+#include "tracker/tracker_options.h"
+#include "tracker/tracking_types.h"
+#include "tracker/two_stage.h"
+
+namespace parallax {
+
+class Tracker {
+ public:
+  // `map` and `mapper` outlive the tracker. With `automatic_initialisation` no key press is needed.
+  Tracker(const CameraModel& camera, const TrackerOptions& options, bool automatic_initialisation, const SharedMap* map,
+          MapperInbox* mapper);
+
+  // Tracks one frame, of the camera's size. key_press: the user pressed the initialisation key at this frame.
+  TrackingResult track(const Frame& frame, bool key_press = false);
+
+ private:
+  void follow_map_changes(const TrackingSnapshot& map);
+  void track_map(const Frame& frame, const TrackingSnapshot& map, TrackingResult* out);
+  void recover(const Frame& frame, const TrackingSnapshot& map, TrackingResult* out);
+  void report(const TwoStageResult& result, const TrackingSnapshot& map, TrackingResult* out);
+  void accept(const Frame& frame, const RigidTransform& pose, TrackingResult* out);
+  bool wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out) const;
+  void propose_keyframe(const Frame& frame, const TrackingSnapshot& map, const TwoStageResult& result, TrackingResult* out);
+  void count_points(const TwoStageResult& result, const TrackingSnapshot& map);
+
+  CameraModel camera_;
+  TrackerOptions options_;
+  const SharedMap* map_;
+  MapperInbox* mapper_;
+
+  FrameFeatures features_;
+  Initialisation initialisation_;
+  MotionModel motion_;
+  TwoStageTracker two_stage_;
+  Relocaliser relocaliser_;
+
+  std::shared_ptr<const FrameImages> images_, last_images_;
+  TwoStageResult result_;
+  bool tracking_ = false;        // there is a map and a pose on it
+  int bad_frames_ = 0;           // in a row
+  int last_keyframe_frame_ = -1000;
+  double scene_depth_ = 1;       // median depth of what was tracked, metres
+  std::uint64_t known_map_version_ = 0, known_world_version_ = 0;
+  SimilarityTransform known_world_from_first_;
+  std::vector<PointCount> counts_;      // dense, by point index
+  std::vector<std::int32_t> touched_;   // indices with something to report
+};
+
+}  // namespace parallax
