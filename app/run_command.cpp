@@ -7,6 +7,7 @@
 #include "app/progress_bar.h"
 #include "app/run_outputs.h"
 #include "app/run_session.h"
+#include "app/run_settings.h"
 #include "app/source.h"
 #include "core/error.h"
 
@@ -17,7 +18,7 @@ struct RunArguments {
   std::string source, calibration, init = "auto", pace = "realtime";
   std::string trajectory, keyframes, points, timing, report, video, frames;
   int start = 0, count = -1, threads = 1;
-  bool quiet = false;
+  std::vector<std::string> settings;
 };
 
 std::optional<std::pair<int, int>> parse_init(const std::string& text) {
@@ -47,6 +48,7 @@ int run(const RunArguments& args) {
   options.key_presses = parse_init(args.init);
   options.pace = args.pace == "lockstep" ? Pace::lockstep : Pace::realtime;
   options.mapper.threads = args.threads;
+  apply_settings(args.settings, &options);
   const bool drawing = !args.video.empty() || !args.frames.empty();
   SourceOptions source_options;
   source_options.colour = drawing;
@@ -96,6 +98,7 @@ void add_run_command(CLI::App& app, int* exit_code) {
   command->add_option("--points", args->points, "Write the map's points (PLY)");
   command->add_option("--timing", args->timing, "Write a row a frame (CSV)");
   command->add_option("--report", args->report, "Write counts, timings and settings (JSON)");
+  command->add_option("--set", args->settings, "NAME=VALUE: an option of the tracker or mapper (may be repeated)");
   command->callback([args, exit_code] { *exit_code = run(*args); });
 }
 

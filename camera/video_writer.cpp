@@ -1,5 +1,6 @@
 #include "camera/video_writer.h"
 
+#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -15,7 +16,6 @@
 #include "camera/image_file.h"
 #include "core/check.h"
 #include "core/error.h"
-#include "core/file_io.h"
 
 namespace parallax {
 namespace fs = std::filesystem;
@@ -66,7 +66,9 @@ class VideoWriter::Impl {
     target_ = target.string();
     beside_ = name_beside(target, extension);
     // Made here first: FFmpeg does not say why it cannot.
-    write_file_atomically(beside_, [](std::ostream&) {});
+    const int fd = ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (fd < 0) throw failure(std::generic_category().message(errno));
+    ::close(fd);
     const int code =
         extension == ".mp4" ? cv::VideoWriter::fourcc('m', 'p', '4', 'v') : cv::VideoWriter::fourcc('M', 'J', 'P', 'G');
     bool opened = false;
@@ -134,13 +136,12 @@ class VideoWriter::Impl {
     ::unlink(beside_.c_str());
   }
 
-  // FFmpeg's muxers keep a failed write to themselves, so the file is opened again and its header must know every frame
-  // and its last one must be there.
+  // FFmpeg's muxers keep a failed write to themselves, so the file is opened again and its header must know every
+  // frame and its first one must be there.
   std::string read_back() const {
     std::error_code error;
     const auto bytes = fs::file_size(beside_, error);
     if (error || bytes == 0) return "the file came out empty (is the disk full?)";
-    // Full disks truncate at the end: one byte more must still fit.
     cv::VideoCapture capture;
     try {
       if (!capture.open(beside_, cv::CAP_FFMPEG)) return "the file is not whole (is the disk full?)";

@@ -12,7 +12,7 @@ namespace parallax {
 
 class VideoWriter {
  public:
-  // Throws InputError for another extension, a rate that is not positive or an odd or empty size; RunError when the
+  // Throws InputError for another extension, a rate that is not positive or an empty size; RunError when the
   // file cannot be made.
   VideoWriter(const std::string& path, double frames_per_second, cv::Size size);
   ~VideoWriter();

@@ -61,7 +61,7 @@ InitialisationReply initialise_map(SharedMap* map, const CameraModel& camera, co
   std::vector<TwoViewMatch> matches;
   for (const TrailMatch& m : request.matches) matches.push_back({m.first, m.second});
   TwoViewOptions two_view = options.two_view;
-  if (request.automatic) two_view.min_parallax_deg = std::max(two_view.min_parallax_deg, options.auto_min_parallax_deg);
+  if (request.automatic) two_view.min_parallax_deg = options.auto_min_parallax_deg;
   const TwoViewResult views = solve_two_view(camera, matches, two_view, rng);
   log::debug("two views ", request.first_frame, " and ", request.second_frame, ": ",
              std::count(views.inlier.begin(), views.inlier.end(), 1), " of ", matches.size(), " matches, parallax ",
@@ -104,6 +104,11 @@ InitialisationReply initialise_map(SharedMap* map, const CameraModel& camera, co
   AdjustmentReport adjusted = adjust_global(&fresh, camera, options, {});
   if (!adjusted.ran || adjusted.solve.failed || adjusted.solve.sigma > options.initial_max_sigma_px) {
     reply.reason = "the two views do not agree well enough: press Space again and slide the camera smoothly sideways";
+    return reply;
+  }
+  const double parallax_px = views.median_parallax_deg * M_PI / 180.0 * camera.mean_focal_px();
+  if (request.automatic && parallax_px < options.auto_min_parallax_sigmas * adjusted.solve.sigma) {
+    reply.reason = describe(TwoViewStatus::too_little_parallax);
     return reply;
   }
   fresh.write([&](Map& m) {

@@ -11,10 +11,13 @@ namespace parallax {
 struct MapperOptions {
   // Initialisation (PTAM §6.1).
   double initial_baseline_m = 0.1;       // "the camera translated 10 cm between the stereo pair"
-  double auto_min_parallax_deg = 1.2;    // for frames chosen automatically
+  // For frames chosen automatically: the median parallax in degrees, and over the noise of the matches (how many standard
+  // deviations a typical point's depth is above nothing).
+  double auto_min_parallax_deg = 0.25;
+  double auto_min_parallax_sigmas = 12;
   int initial_min_points = 60;
   double initial_max_sigma_px = 1.5;     // robust scale after the first adjustment
-  TwoViewOptions two_view;
+  TwoViewOptions two_view{.sigma_px = 0.35};  // refined trails are good to a fraction of a pixel
   PlaneOptions plane;
 
   // New points (PTAM §6.2).

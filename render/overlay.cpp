@@ -35,8 +35,8 @@ struct Segment {
     pieces.back().push_back(px);
   }
   // Both ends known (or not): halve until the ends are close, or no more can be gained. Adds everything after `a`.
-  void subdivide(const Vector3d& a, const Vector3d& b, const std::optional<Vector2d>& pa, const std::optional<Vector2d>& pb,
-                 int depth) {
+  void subdivide(const Vector3d& a, const Vector3d& b, const std::optional<Vector2d>& pa,
+                 const std::optional<Vector2d>& pb, int depth) {
     const bool close = pa && pb && (*pa - *pb).norm() <= kStepPx;
     // The first three halvings are always made when an end is missing, so that a visible middle is found.
     const bool enough = depth >= kMaxDepth || close || (!pa && !pb && depth >= 4);
@@ -69,7 +69,8 @@ void draw_grid(const OverlayInput& input, cv::Mat3b* out) {
   for (int i = 0; i <= n; ++i) {
     const double c = grid.half_extent * (2.0 * i / n - 1), h = grid.half_extent;
     const bool rim = i == 0 || i == n;
-    for (const auto& [a, b] : {std::pair{Vector3d(c, -h, 0), Vector3d(c, h, 0)}, std::pair{Vector3d(-h, c, 0), Vector3d(h, c, 0)}})
+    for (const auto& [a, b] :
+         {std::pair{Vector3d(c, -h, 0), Vector3d(c, h, 0)}, std::pair{Vector3d(-h, c, 0), Vector3d(h, c, 0)}})
       for (const auto& piece : project_segment(input.camera, camera_from_plane * a, camera_from_plane * b)) {
         std::vector<cv::Point> line;
         for (const Vector2d& px : piece) line.push_back(fixed(px));
@@ -116,15 +117,16 @@ void draw_strip(const OverlayInput& input, cv::Mat3b* out) {
     }
   }
   std::string line = input.state_line;
-  while (!line.empty() && cv::getTextSize(line, face, scale, thickness, nullptr).width > right - text_height) line.pop_back();
+  while (!line.empty() && cv::getTextSize(line, face, scale, thickness, nullptr).width > right - text_height)
+    line.pop_back();
   cv::putText(*out, line, {text_height / 2, base}, face, scale, {245, 245, 245}, thickness, cv::LINE_AA);
 }
 
 }  // namespace
 
 const std::array<cv::Vec3b, kPyramidLevels>& overlay_level_colours() {
-  static const std::array<cv::Vec3b, kPyramidLevels> colours = {
-      cv::Vec3b(0, 159, 230), cv::Vec3b(233, 180, 86), cv::Vec3b(115, 158, 0), cv::Vec3b(0, 94, 213)};
+  static const std::array<cv::Vec3b, kPyramidLevels> colours = {cv::Vec3b(66, 228, 240), cv::Vec3b(233, 180, 86),
+                                                                cv::Vec3b(115, 158, 0), cv::Vec3b(0, 94, 213)};
   return colours;
 }
 

@@ -65,8 +65,8 @@ class DeskBuilder {
   }
   void sheet(const Vector2d& at, double z, const Vector2d& size, double yaw, int texture) {
     const Vector3d ex(std::cos(yaw), std::sin(yaw), 0), ey(-std::sin(yaw), std::cos(yaw), 0);
-    scene_.add_rectangle(Vector3d(at.x(), at.y(), z) - ex * size.x() / 2 + ey * size.y() / 2, ex * size.x(), -ey * size.y(),
-                         texture);
+    scene_.add_rectangle(Vector3d(at.x(), at.y(), z) - ex * size.x() / 2 + ey * size.y() / 2, ex * size.x(),
+                         -ey * size.y(), texture);
   }
   void can(const Vector2d& at, double radius, double height, double yaw, int label, int lid, bool open = false) {
     scene_.add_can(at, 0.0005, radius, height, yaw, label, lid, open);
@@ -153,25 +153,29 @@ class DeskBuilder {
     for (int y = 0; y < size.height; ++y)
       for (int x = 0; x < size.width; ++x)
         if (const float s = shadow_map(y, x); s > 0.01f)
-          for (int c = 0; c < 3; ++c) top(y, x)[c] = static_cast<uchar>(static_cast<float>(top(y, x)[c]) * (1.0f - 0.6f * s));
-    const int edge = picture(1024, 32, [](cv::Size s, cv::RNG& rng) { return paint::wood(s, 600, {70, 110, 150}, rng); });
-    scene_.add_box({0, 0}, -kTableThickness, {kTableWidth, kTableDepth, kTableThickness}, 0, scene_.add_texture(top), edge,
-                   edge);
+          for (int c = 0; c < 3; ++c)
+            top(y, x)[c] = static_cast<uchar>(static_cast<float>(top(y, x)[c]) * (1.0f - 0.6f * s));
+    const int edge = picture(1024, 32, [](cv::Size s, cv::RNG& rng) {
+      return paint::wood(s, 600, {70, 110, 150}, rng);
+    });
+    scene_.add_box({0, 0}, -kTableThickness, {kTableWidth, kTableDepth, kTableThickness}, 0, scene_.add_texture(top),
+                   edge, edge);
   }
 
   void room() {
     const double back = 0.95, left = -1.8, right = 1.8, front = -2.4, top = 1.7;
     const auto wall = [&](cv::Size s, cv::RNG& rng) { return paint::plaster(s, {196, 204, 206}, rng); };
-    const int wide = picture(1024, 704, wall), brown = picture(1024, 704, [](cv::Size s, cv::RNG& rng) {
-      return paint::bricks(s, 64, rng);
-    });
+    const int wide = picture(1024, 704, wall),
+              brown = picture(1024, 704, [](cv::Size s, cv::RNG&rng) { return paint::bricks(s, 64, rng); });
     const Vector3d down(0, 0, kFloor - top);
     scene_.add_rectangle({left, back, top}, {right - left, 0, 0}, down, wide);
     scene_.add_rectangle({left, front, top}, {0, back - front, 0}, down, brown);
     scene_.add_rectangle({right, back, top}, {0, front - back, 0}, down, wide);
     scene_.add_rectangle({right, front, top}, {left - right, 0, 0}, down, brown);
     scene_.add_rectangle({left, back, kFloor}, {right - left, 0, 0}, {0, front - back, 0},
-                         picture(1440, 1344, [](cv::Size s, cv::RNG& rng) { return paint::carpet(s, {92, 78, 70}, rng); }));
+                         picture(1440, 1344, [](cv::Size s, cv::RNG& rng) {
+                           return paint::carpet(s, {92, 78, 70}, rng);
+                         }));
     scene_.add_rectangle({left, front, top}, {right - left, 0, 0}, {0, back - front, 0}, plain({215, 220, 222}));
     const auto hang = [&](double x, double z, double w, double h, const Painter& painter) {
       scene_.add_rectangle({x, back - 0.004, z}, {w, 0, 0}, {0, 0, -h}, picture(w * 560, h * 560, painter));
@@ -199,11 +203,14 @@ class DeskBuilder {
     scene_.add_rectangle(at + Vector3d(-2, -2.5, 1.8), {0, 3.7, 0}, {0, 0, -2.4}, bricks);
     scene_.add_rectangle(at + Vector3d(2, 1.2, 1.8), {0, -3.7, 0}, {0, 0, -2.4}, bricks);
     scene_.add_rectangle(at + Vector3d(-2, 1.2, 0), {4, 0, 0}, {0, -3.7, 0},
-                         picture(1600, 1472, [](cv::Size s, cv::RNG& rng) { return paint::carpet(s, {60, 92, 70}, rng); }));
+                         picture(1600, 1472, [](cv::Size s, cv::RNG& rng) {
+                           return paint::carpet(s, {60, 92, 70}, rng);
+                         }));
     for (int i = 0; i < 10; ++i) {
       const Vector3d size(rng_.uniform(0.1, 0.3), rng_.uniform(0.1, 0.25), rng_.uniform(0.08, 0.35));
       const int front = picture(224, 224, i % 2 ? paint::cardboard : paint::book_cover);
-      scene_.add_box(at.head<2>() + Vector2d(jitter(0.9), 0.3 + jitter(0.5)), 0.0005, size, jitter(1.2), front, front, front);
+      scene_.add_box(at.head<2>() + Vector2d(jitter(0.9), 0.3 + jitter(0.5)), 0.0005, size, jitter(1.2), front, front,
+                     front);
     }
   }
 

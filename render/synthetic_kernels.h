@@ -17,7 +17,8 @@ struct CylinderCoefficients {
 
 void cast_rectangle(const float* x, const float* y, int n, const PlaneCoefficients& c, int id, float* inverse_depth,
                     int* ids);
-void cast_disc(const float* x, const float* y, int n, const PlaneCoefficients& c, int id, float* inverse_depth, int* ids);
+void cast_disc(const float* x, const float* y, int n, const PlaneCoefficients& c, int id, float* inverse_depth,
+               int* ids);
 void cast_cylinder(const float* x, const float* y, int n, const CylinderCoefficients& c, int id, float* inverse_depth,
                    int* ids);
 

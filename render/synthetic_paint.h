@@ -9,8 +9,8 @@ namespace parallax::paint {
 
 using Picture = cv::Mat3b;
 
-// Noise of many octaves, zero mean, roughly within -1..1. Details shrink from `coarsest_px` to one pixel; each octave has
-// `persistence` times the strength of the coarser one. `stretch` > 1 draws it out along x.
+// Noise of many octaves, zero mean, roughly within -1..1. Details shrink from `coarsest_px` to one pixel; each octave
+// has `persistence` times the strength of the coarser one. `stretch` > 1 draws it out along x.
 cv::Mat1f fractal_noise(cv::Size size, double coarsest_px, double persistence, cv::RNG& rng, double stretch = 1);
 // Adds noise of many octaves to every channel alike, +-strength grey levels.
 void add_mottle(Picture& picture, double strength, double coarsest_px, double persistence, cv::RNG& rng);

@@ -44,8 +44,10 @@ cv::Scalar random_colour(cv::RNG& rng, int low, int high) {
           static_cast<double>(rng.uniform(low, high))};
 }
 
-Picture plain(cv::Size size, const cv::Scalar& colour) { return Picture(size, cv::Vec3b(
-    cv::saturate_cast<uchar>(colour[0]), cv::saturate_cast<uchar>(colour[1]), cv::saturate_cast<uchar>(colour[2]))); }
+Picture plain(cv::Size size, const cv::Scalar& colour) {
+  return Picture(size, cv::Vec3b(cv::saturate_cast<uchar>(colour[0]), cv::saturate_cast<uchar>(colour[1]),
+                                 cv::saturate_cast<uchar>(colour[2])));
+}
 
 Picture wood(cv::Size size, double px_per_metre, const cv::Scalar& colour, cv::RNG& rng) {
   Picture out(size);
@@ -78,7 +80,8 @@ Picture wood(cv::Size size, double px_per_metre, const cv::Scalar& colour, cv::R
   for (int i = 0; i < 40 * area; ++i) {
     const cv::Point p = at();
     const double angle = rng.uniform(0.0, 6.28), length = px_per_metre * rng.uniform(0.01, 0.12);
-    const cv::Point q(p.x + static_cast<int>(length * std::cos(angle)), p.y + static_cast<int>(length * std::sin(angle)));
+    const cv::Point q(p.x + static_cast<int>(length * std::cos(angle)),
+                      p.y + static_cast<int>(length * std::sin(angle)));
     cv::line(out, p, q, colour * rng.uniform(0.35, 1.35), rng.uniform(1, 3), cv::LINE_AA);
   }
   for (int i = 0; i < 160 * area; ++i)
@@ -138,11 +141,15 @@ void add_collage(Picture& picture, int count, int smallest_px, int largest_px, c
     const cv::Scalar colour = random_colour(rng, 15, 240);
     switch (rng.uniform(0, 7)) {
       case 0:
-        cv::rectangle(picture, cv::RotatedRect(p, cv::Size2f(static_cast<float>(r) * 2, static_cast<float>(r) * 1.3f),
-                                               static_cast<float>(rng.uniform(0, 180))).boundingRect(),
+        cv::rectangle(picture,
+                      cv::RotatedRect(p, cv::Size2f(static_cast<float>(r) * 2, static_cast<float>(r) * 1.3f),
+                                      static_cast<float>(rng.uniform(0, 180)))
+                          .boundingRect(),
                       colour, rng.uniform(0, 2) ? -1 : std::max(1, r / 5), cv::LINE_AA);
         break;
-      case 1: cv::circle(picture, p, r, colour, rng.uniform(0, 2) ? -1 : std::max(1, r / 4), cv::LINE_AA); break;
+      case 1:
+        cv::circle(picture, p, r, colour, rng.uniform(0, 2) ? -1 : std::max(1, r / 4), cv::LINE_AA);
+        break;
       case 2: {
         std::vector<cv::Point> corners;
         const int n = rng.uniform(3, 7);

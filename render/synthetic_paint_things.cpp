@@ -81,7 +81,8 @@ Picture printed_page(cv::Size size, cv::RNG& rng) {
   Picture out = plain(size, {232, 238, 240});
   const int margin = size.width / 12, line = std::max(8, size.height / 62);
   int y = margin;
-  print_line(out, random_text(16, rng), {margin, y}, size.width - 2 * margin, line * 2.2, rng.uniform(1, 4), {30, 25, 25});
+  print_line(out, random_text(16, rng), {margin, y}, size.width - 2 * margin, line * 2.2, rng.uniform(1, 4),
+             {30, 25, 25});
   y += line * 4;
   const int figure_at = rng.uniform(0, 3) * size.height / 4;
   bool figure_done = rng.uniform(0, 4) == 0;
@@ -117,9 +118,12 @@ Picture book_cover(cv::Size size, cv::RNG& rng) {
   const cv::Rect photo(size.width / 10, size.height * 4 / 10, size.width * 8 / 10, size.height * 5 / 10);
   photograph(photo.size(), rng).copyTo(out(photo));
   const cv::Scalar ink = random_colour(rng, 170, 255);
-  print_line(out, random_text(9, rng), {size.width / 12, size.height / 14}, size.width, size.height / 9.0, rng.uniform(1, 4), ink);
-  print_line(out, random_text(14, rng), {size.width / 12, size.height * 23 / 100}, size.width, size.height / 18.0, rng.uniform(0, 4), ink);
-  print_line(out, random_text(18, rng), {size.width / 12, size.height * 32 / 100}, size.width, size.height / 30.0, 0, ink);
+  print_line(out, random_text(9, rng), {size.width / 12, size.height / 14}, size.width, size.height / 9.0,
+             rng.uniform(1, 4), ink);
+  print_line(out, random_text(14, rng), {size.width / 12, size.height * 23 / 100}, size.width, size.height / 18.0,
+             rng.uniform(0, 4), ink);
+  print_line(out, random_text(18, rng), {size.width / 12, size.height * 32 / 100}, size.width, size.height / 30.0, 0,
+             ink);
   add_collage(out, 6, size.width / 20 + 1, size.width / 4, rng);
   add_mottle(out, 22, size.width / 2.0, 0.75, rng);
   return out;
@@ -132,7 +136,8 @@ Picture page_edges(cv::Size size, cv::RNG& rng) {
     for (int x = 0; x < size.width; ++x) {
       const bool cover = y < size.height / 10 || y >= size.height * 9 / 10;
       const float v = (cover ? 90.0f : 200.0f) * (1.0f + 0.35f * grain(y, x));
-      out(y, x) = {cv::saturate_cast<uchar>(v * 0.9f), cv::saturate_cast<uchar>(v * 0.97f), cv::saturate_cast<uchar>(v)};
+      out(y, x) = {cv::saturate_cast<uchar>(v * 0.9f), cv::saturate_cast<uchar>(v * 0.97f),
+                   cv::saturate_cast<uchar>(v)};
     }
   return out;
 }
@@ -166,14 +171,17 @@ Picture keyboard(cv::Size size, cv::RNG& rng) {
       const double tone = rng.uniform(62.0, 84.0);
       cv::rectangle(out, a, b, {16, 16, 16}, -1);
       cv::rectangle(out, {a.x + static_cast<int>(kw * 0.08), a.y + static_cast<int>(kh * 0.04)},
-                    {b.x - static_cast<int>(kw * 0.08), b.y - static_cast<int>(kh * 0.14)}, {tone, tone, tone * 0.97}, -1);
-      const std::string legend(1, kLegends[static_cast<std::size_t>(rng.uniform(0, static_cast<int>(kLegends.size())))]);
-      print_line(out, legend, {a.x + static_cast<int>(kw * 0.2), a.y + static_cast<int>(kh * 0.12)}, size.width, kh * 0.36, 2,
-                 {225, 228, 228});
+                    {b.x - static_cast<int>(kw * 0.08), b.y - static_cast<int>(kh * 0.14)}, {tone, tone, tone * 0.97},
+                    -1);
+      const std::string legend(1,
+                               kLegends[static_cast<std::size_t>(rng.uniform(0, static_cast<int>(kLegends.size())))]);
+      print_line(out, legend, {a.x + static_cast<int>(kw * 0.2), a.y + static_cast<int>(kh * 0.12)}, size.width,
+                 kh * 0.36, 2, {225, 228, 228});
     }
   const int space_y = static_cast<int>(size.height * 0.05 + 5 * kh + kh * 0.1);
   cv::rectangle(out, {static_cast<int>(size.width * 0.02 + 5.3 * kw), space_y},
-                {static_cast<int>(size.width * 0.02 + 9.2 * kw), static_cast<int>(space_y + kh * 0.7)}, {76, 76, 74}, -1);
+                {static_cast<int>(size.width * 0.02 + 9.2 * kw), static_cast<int>(space_y + kh * 0.7)}, {76, 76, 74},
+                -1);
   add_mottle(out, 9, 8, 1.0, rng);
   return out;
 }
@@ -234,7 +242,8 @@ Picture screen(cv::Size size, cv::RNG& rng) {
     cv::rectangle(out, box, {236, 236, 234}, -1);
     cv::rectangle(out, {box.x, box.y}, {box.x + w, box.y + h / 10}, {150, 80, 50}, -1);
     for (int y = box.y + h / 7; y < box.y + h - h / 12; y += std::max(6, h / 14))
-      print_line(out, random_text(60, rng), {box.x + w / 30, y}, w * rng.uniform(5, 10) / 10 - w / 15, h / 22.0, 0, {40, 40, 40});
+      print_line(out, random_text(60, rng), {box.x + w / 30, y}, w * rng.uniform(5, 10) / 10 - w / 15, h / 22.0, 0,
+                 {40, 40, 40});
   }
   cv::rectangle(out, {0, 0}, {size.width - 1, size.height - 1}, {28, 28, 28}, size.width / 50);
   add_mottle(out, 6, 4, 1.0, rng);
@@ -246,8 +255,10 @@ Picture poster(cv::Size size, cv::RNG& rng) {
   const int b = size.width / 16;
   const cv::Rect photo(b, b, size.width - 2 * b, size.height * 3 / 4 - b);
   photograph(photo.size(), rng).copyTo(out(photo));
-  print_line(out, random_text(10, rng), {b, size.height * 78 / 100}, size.width - 2 * b, size.height / 12.0, 3, {30, 30, 40});
-  print_line(out, random_text(24, rng), {b, size.height * 90 / 100}, size.width - 2 * b, size.height / 28.0, 0, {60, 60, 60});
+  print_line(out, random_text(10, rng), {b, size.height * 78 / 100}, size.width - 2 * b, size.height / 12.0, 3,
+             {30, 30, 40});
+  print_line(out, random_text(24, rng), {b, size.height * 90 / 100}, size.width - 2 * b, size.height / 28.0, 0,
+             {60, 60, 60});
   add_collage(out, 12, size.width / 24 + 1, size.width / 4, rng);
   add_mottle(out, 14, 32, 0.9, rng);
   return out;

@@ -43,7 +43,8 @@ class Wobble {
   }
   double operator()(double t) const {
     double sum = 0;
-    for (std::size_t i = 0; i < kTerms; ++i) sum += std::sin(rate_[i] * t + phase_[i]) * 2 / (kTerms + static_cast<double>(i));
+    for (std::size_t i = 0; i < kTerms; ++i)
+      sum += std::sin(rate_[i] * t + phase_[i]) * 2 / (kTerms + static_cast<double>(i));
     return sum / 1.5;
   }
 
@@ -100,7 +101,8 @@ double frame_time(int frame, double offset_s) { return frame / kSyntheticFps + o
 // Automatic gain: a slow wander of a few per cent.
 double gain_drift(std::uint64_t seed, int frame) {
   const double t = frame_time(frame, 0);
-  return 1.0 + 0.035 * std::sin(0.31 * t + 6.28 * hashed(seed, 2000)) + 0.02 * std::sin(0.83 * t + 6.28 * hashed(seed, 2001));
+  return 1.0 + 0.035 * std::sin(0.31 * t + 6.28 * hashed(seed, 2000)) +
+         0.02 * std::sin(0.83 * t + 6.28 * hashed(seed, 2001));
 }
 
 SyntheticMotion calm() {
@@ -120,9 +122,9 @@ constexpr std::array<Span, 2> kShaking = {{{240, 285}, {720, 765}}};
 constexpr std::array<Span, 2> kCovered = {{{345, 390}, {810, 840}}};
 constexpr Span kUnseen = {540, 590};
 constexpr std::array<int, 3> kLightChanges = {640, 680, 860};
-constexpr int kKidnapped = 460;       // jumps to a later part of the path...
+constexpr int kKidnapped = 460;        // jumps to a later part of the path...
 constexpr double kKidnapAheadS = 9.0;  // ...by so much
-constexpr int kCoverFrames = 4;       // a hand takes this long to arrive and to leave
+constexpr int kCoverFrames = 4;        // a hand takes this long to arrive and to leave
 
 }  // namespace
 
@@ -157,7 +159,8 @@ SyntheticMotion shakes_motion(std::uint64_t seed) {
     RigidTransform pose = (*path)(t + (frame >= kKidnapped ? kKidnapAheadS : 0.0));
     for (const Span& span : kShaking) {
       if (!span.holds(frame)) continue;
-      const double first = frame_time(span.first, -0.5 / kSyntheticFps), last = frame_time(span.last, -0.5 / kSyntheticFps);
+      const double first = frame_time(span.first, -0.5 / kSyntheticFps),
+                   last = frame_time(span.last, -0.5 / kSyntheticFps);
       const double strength = smooth_step((t - first) / 0.2) * smooth_step((last - t) / 0.2);
       Vector6d mu;
       for (int i = 0; i < 6; ++i) mu[i] = axes[static_cast<std::size_t>(i)](t) * strength * (i < 3 ? 0.03 : 0.16);
@@ -169,7 +172,8 @@ SyntheticMotion shakes_motion(std::uint64_t seed) {
     double cover = 0;
     for (const Span& span : kCovered)
       if (span.holds(frame))
-        cover = std::min({1.0, (frame - span.first + 1.0) / kCoverFrames, static_cast<double>(span.last - frame) / kCoverFrames});
+        cover = std::min(
+            {1.0, (frame - span.first + 1.0) / kCoverFrames, static_cast<double>(span.last - frame) / kCoverFrames});
     return cover;
   };
   motion.gain = [seed](int frame) {

@@ -1,5 +1,5 @@
-// How the camera of a synthetic sequence moves, and what happens to it: smooth analytic motion, so that any moment of any
-// frame's exposure has its exact pose, for sequences of any length.
+// How the camera of a synthetic sequence moves, and what happens to it: smooth analytic motion, so that any moment of
+// any frame's exposure has its exact pose, for sequences of any length.
 //
 // World frame, metres, seconds, radians; poses are camera to world. Values; safe from any thread.
 #pragma once

@@ -43,7 +43,8 @@ struct RayCaster::CameraSurface {
   detail::PlaneCoefficients plane{};
   detail::CylinderCoefficients cylinder{};
   float shade = 1;
-  float lamp[3] = {0, 0, 0};   // cylinder: shade is lamp[0] cos + lamp[1] sin + lamp[2] ahead of the clamp, see shade_tile
+  float lamp[3] = {0, 0,
+                   0};  // cylinder: shade is lamp[0] cos + lamp[1] sin + lamp[2] ahead of the clamp, see shade_tile
   float texels_per_metre = 0;  // cylinder
   TileBounds bounds{};
 };
@@ -218,7 +219,8 @@ void RayCaster::shade_tile(const RayTable& table, int tile, const std::vector<Ca
     if (id < 0) continue;
     const CameraSurface& surface = surfaces[static_cast<std::size_t>(id)];
     const float x = xs[i], y = ys[i], z = 1.0f / scratch->inverse_depth[i];
-    const float width = static_cast<float>(surface.texture->width()), height = static_cast<float>(surface.texture->height());
+    const float width = static_cast<float>(surface.texture->width()),
+                height = static_cast<float>(surface.texture->height());
     const bool new_level = id != last_id || i / kStepGroup != last_group;
     const auto& step = steps[i / kStepGroup];
     float s, t, shade = surface.shade, footprint = 1;  // squared, in texels

@@ -1,10 +1,10 @@
-// Draws a synthetic scene through any camera model, by casting rays: one ray table a sample, tiles that look only at the
-// surfaces they can see, branch-free inverse-depth tests over a tile (compiled for SSE2, AVX2 and AVX-512, same results
-// to the last bit).
+// Draws a synthetic scene through any camera model, by casting rays: one ray table a sample, tiles that look only at
+// the surfaces they can see, branch-free inverse-depth tests over a tile (compiled for SSE2, AVX2 and AVX-512, same
+// results to the last bit).
 //
 // A picture is the average of several samples, each from a pose of its own within the exposure and at an offset of its
-// own within the pixel, so that motion blur and anti-aliasing come together. Level of detail is chosen per sample with a
-// staggered offset, which averages to trilinear filtering.
+// own within the pixel, so that motion blur and anti-aliasing come together. Level of detail is chosen per sample with
+// a staggered offset, which averages to trilinear filtering.
 //
 // Owned by one source; not thread-safe. Results do not depend on the number of threads.
 #pragma once

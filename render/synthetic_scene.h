@@ -1,7 +1,8 @@
-// What a synthetic scene is made of: textured rectangles, discs and upright or lying cylinders, lit by one distant lamp.
+// What a synthetic scene is made of: textured rectangles, discs and upright or lying cylinders, lit by one distant
+// lamp.
 //
-// Frames and units: world, z up, metres. A scene never changes once built; it is shared between sources and safe to read
-// from any thread.
+// Frames and units: world, z up, metres. A scene never changes once built; it is shared between sources and safe to
+// read from any thread.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,8 +20,8 @@ enum class SurfaceShape { rectangle, disc, cylinder };
 
 // Rectangle: `origin` is the top-left corner as its picture is looked at, `u` runs along its top edge and `v` down its
 // left edge (whole lengths); it is seen from the side u x v points away from. Disc: the ellipse inscribed in that
-// rectangle. Cylinder (mantle only): `origin` is the middle of the top rim, `v` runs down the axis, `u` from the axis to
-// the mantle where the picture begins; the picture wraps around once, seen from outside and, flipped, from inside.
+// rectangle. Cylinder (mantle only): `origin` is the middle of the top rim, `v` runs down the axis, `u` from the axis
+// to the mantle where the picture begins; the picture wraps around once, seen from outside and, flipped, from inside.
 struct Surface {
   SurfaceShape shape = SurfaceShape::rectangle;
   Eigen::Vector3d origin = Eigen::Vector3d::Zero(), u = Eigen::Vector3d::UnitX(), v = Eigen::Vector3d::UnitY();
@@ -30,7 +31,7 @@ struct Surface {
 
 struct SurfaceHit {
   int surface = -1;
-  double distance = 0;            // in lengths of the ray's direction vector
+  double distance = 0;               // in lengths of the ray's direction vector
   Eigen::Vector2d texture_st{0, 0};  // 0..1 over the picture
 };
 
@@ -47,8 +48,8 @@ class SyntheticScene {
   void add_box(const Eigen::Vector2d& centre, double bottom, const Eigen::Vector3d& size, double yaw, int top_texture,
                int front_texture, int side_texture);
   // An upright can: mantle and lid. With `open`, there is no lid but a disc (the drink) a third of the way down.
-  void add_can(const Eigen::Vector2d& centre, double bottom, double radius, double height, double yaw, int mantle_texture,
-               int lid_texture, bool open = false);
+  void add_can(const Eigen::Vector2d& centre, double bottom, double radius, double height, double yaw,
+               int mantle_texture, int lid_texture, bool open = false);
 
   const std::vector<Surface>& surfaces() const { return surfaces_; }
   const Texture& texture(int i) const { return *textures_.at(static_cast<std::size_t>(i)); }
@@ -71,8 +72,9 @@ class SyntheticScene {
   std::vector<std::shared_ptr<const Texture>> textures_;
 };
 
-// Scenes by name: "desk", "walls", "repeat", "blank", "room". The same name and seed give the same scene, and one that is
-// still in use somewhere is shared instead of being painted again. Callable from any thread. CHECK on any other name.
+// Scenes by name: "desk", "walls", "repeat", "blank", "room". The same name and seed give the same scene, and one that
+// is still in use somewhere is shared instead of being painted again. Callable from any thread. CHECK on any other
+// name.
 std::shared_ptr<const SyntheticScene> synthetic_scene(const std::string& name, std::uint64_t seed);
 
 }  // namespace parallax

@@ -25,8 +25,10 @@ paint::Picture gallery_wall(cv::Size size, double px_per_metre, cv::RNG& rng) {
   paint::Picture p = paint::bricks(size, static_cast<int>(0.28 * px_per_metre), rng);
   // Posters pasted over the bricks, and small things everywhere.
   for (int i = 0; i < 60; ++i) {
-    const cv::Size s(static_cast<int>(px_per_metre * rng.uniform(0.4, 1.2)), static_cast<int>(px_per_metre * rng.uniform(0.5, 1.3)));
-    const cv::Rect where(rng.uniform(0, size.width - s.width), rng.uniform(0, size.height - s.height), s.width, s.height);
+    const cv::Size s(static_cast<int>(px_per_metre * rng.uniform(0.4, 1.2)),
+                     static_cast<int>(px_per_metre * rng.uniform(0.5, 1.3)));
+    const cv::Rect where(rng.uniform(0, size.width - s.width), rng.uniform(0, size.height - s.height), s.width,
+                         s.height);
     (i % 4 == 3 ? paint::printed_page(s, rng) : paint::poster(s, rng)).copyTo(p(where));
   }
   paint::add_mottle(p, 45, 24, 0.9, rng);
@@ -58,7 +60,9 @@ SyntheticScene build_repeat_scene(std::uint64_t seed) {
   const int wall = scene.add_texture(paint::tiles({2048, 768}, 64, rng));
   scene.add_rectangle({-1.28, 0.9, 0}, {2.56, 0, 0}, {0, -1.92, 0}, floor);
   scene.add_rectangle({-1.28, 0.9, 0.96}, {2.56, 0, 0}, {0, 0, -0.96}, wall);
-  const auto thing = [&](paint::Picture (*painter)(cv::Size, cv::RNG&)) { return scene.add_texture(painter({160, 160}, rng)); };
+  const auto thing = [&](paint::Picture (*painter)(cv::Size, cv::RNG&)) {
+    return scene.add_texture(painter({160, 160}, rng));
+  };
   const int a = thing(paint::cardboard), b = thing(paint::book_cover);
   scene.add_box({-0.35, 0.3}, 0.0005, {0.1, 0.08, 0.06}, 0.3, a, a, a);
   scene.add_box({0.3, -0.1}, 0.0005, {0.09, 0.13, 0.03}, -0.4, b, a, a);
@@ -81,13 +85,15 @@ SyntheticScene build_room_scene(std::uint64_t seed) {
     return scene.add_texture(painter(texture_size(w, h), rng));
   };
   constexpr double kHalf = 2.5, kTop = 2.6, kPx = 360;
-  const Vector3d down(0, 0, -kTop), corners[4] = {{-kHalf, kHalf, kTop}, {kHalf, kHalf, kTop}, {kHalf, -kHalf, kTop}, {-kHalf, -kHalf, kTop}};
+  const Vector3d down(0, 0, -kTop),
+      corners[4] = {{-kHalf, kHalf, kTop}, {kHalf, kHalf, kTop}, {kHalf, -kHalf, kTop}, {-kHalf, -kHalf, kTop}};
   for (int i = 0; i < 4; ++i) {
     const Vector3d from = corners[i], along = corners[(i + 1) % 4] - from, unit = along / (2 * kHalf);
     const Vector3d inwards = unit.cross(Vector3d::UnitZ());
     scene.add_rectangle(from, along, down, picture(2 * kHalf * kPx, kTop * kPx, [&](cv::Size s, cv::RNG& r) {
-      return i % 2 ? paint::bricks(s, 80, r) : paint::plaster(s, paint::random_colour(r, 150, 215), r);
-    }));
+                          return i % 2 ? paint::bricks(s, 80, r)
+                                       : paint::plaster(s, paint::random_colour(r, 150, 215), r);
+                        }));
     const auto hang = [&](double x, double z, double w, double h, const Painter& painter) {
       scene.add_rectangle(from + x * unit + Vector3d(0, 0, z - kTop) + 0.004 * inwards, w * unit, {0, 0, -h},
                           picture(w * 400, h * 400, painter));
@@ -114,9 +120,13 @@ SyntheticScene build_room_scene(std::uint64_t seed) {
     }
   }
   scene.add_rectangle(Vector3d(-kHalf, kHalf, 0), {2 * kHalf, 0, 0}, {0, -2 * kHalf, 0},
-                      picture(1500, 1500, [](cv::Size s, cv::RNG& r) { return paint::carpet(s, {80, 86, 110}, r); }));
+                      picture(1500, 1500, [](cv::Size s, cv::RNG& r) {
+                        return paint::carpet(s, {80, 86, 110}, r);
+                      }));
   scene.add_rectangle(Vector3d(-kHalf, -kHalf, kTop), {2 * kHalf, 0, 0}, {0, 2 * kHalf, 0},
-                      picture(640, 640, [](cv::Size s, cv::RNG& r) { return paint::plaster(s, {220, 225, 226}, r); }));
+                      picture(640, 640, [](cv::Size s, cv::RNG& r) {
+                        return paint::plaster(s, {220, 225, 226}, r);
+                      }));
   return scene;
 }
 

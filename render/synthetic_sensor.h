@@ -1,5 +1,5 @@
-// The camera's sensor: turns the light of a rendered picture into 8-bit values with gain, vignetting, a covering hand and
-// noise. Pure function of its arguments.
+// The camera's sensor: turns the light of a rendered picture into 8-bit values with gain, vignetting, a covering hand
+// and noise. Pure function of its arguments.
 #pragma once
 
 #include <cstdint>

@@ -18,8 +18,10 @@ constexpr int kMaxFrames = 100'000'000;
 // Lenses of about the same width; pixel values are for 640x480.
 CameraModel lens(CameraModelKind kind) {
   switch (kind) {
-    case CameraModelKind::fov: return {kind, 640, 480, {375.0, 376.0}, {321.4, 238.2}, {0.9}, 1};
-    case CameraModelKind::pinhole: return {kind, 640, 480, {330.0, 330.5}, {320.7, 238.9}};
+    case CameraModelKind::fov:
+      return {kind, 640, 480, {375.0, 376.0}, {321.4, 238.2}, {0.9}, 1};
+    case CameraModelKind::pinhole:
+      return {kind, 640, 480, {330.0, 330.5}, {320.7, 238.9}};
     case CameraModelKind::radtan:
       return {kind, 640, 480, {390.0, 391.0}, {318.2, 241.3}, {-0.26, 0.07, 0.0004, -0.0003}, 4};
     case CameraModelKind::kannala_brandt:
@@ -76,8 +78,8 @@ void set_key(const std::string& name, const std::string& key, const std::string&
   } else if (key == "threads") {
     o->threads = parse_number(name, key, value, 1, 64, "a whole number from 1 to 64");
   } else if (key == "lens") {
-    for (const auto kind : {CameraModelKind::pinhole, CameraModelKind::radtan, CameraModelKind::kannala_brandt,
-                            CameraModelKind::fov}) {
+    for (const auto kind :
+         {CameraModelKind::pinhole, CameraModelKind::radtan, CameraModelKind::kannala_brandt, CameraModelKind::fov}) {
       if (value != to_string(kind)) continue;
       const CameraModel standard = lens(kind);
       const int w = o->camera.width(), h = o->camera.height();
@@ -100,13 +102,15 @@ void set_key(const std::string& name, const std::string& key, const std::string&
 
 }  // namespace
 
-SyntheticSource::SyntheticSource(const std::string& description, const SyntheticOptions& options, SyntheticMotion motion,
-                                 const SourceOptions& source_options)
+SyntheticSource::SyntheticSource(const std::string& description, const SyntheticOptions& options,
+                                 SyntheticMotion motion, const SourceOptions& source_options)
     : description_(description), options_(options), motion_(std::move(motion)), source_options_(source_options) {
-  if (options.frames < 1) throw InputError(description + ": frames: found " + std::to_string(options.frames) + ", expected 1 or more");
+  if (options.frames < 1)
+    throw InputError(description + ": frames: found " + std::to_string(options.frames) + ", expected 1 or more");
   if (options.camera.width() <= 0) throw InputError(description + ": camera: found none, expected a calibrated lens");
   if (!(options.exposure_s >= 0 && options.exposure_s <= 1 / kSyntheticFps))
-    throw InputError(description + ": exposure: found " + std::to_string(options.exposure_s) + " s, expected 0 to one frame");
+    throw InputError(description + ": exposure: found " + std::to_string(options.exposure_s) +
+                     " s, expected 0 to one frame");
   scene_ = synthetic_scene(options.scene, options.seed);
   caster_ = std::make_unique<RayCaster>(scene_, options.camera, options.threads);
   next_ = std::max(0, source_options.start_frame);
@@ -181,7 +185,8 @@ std::unique_ptr<SyntheticSource> open_synthetic_source(const std::string& name, 
   const std::string text = name.starts_with(kPrefix) ? name.substr(kPrefix.size()) : name;
   const auto question = text.find('?');
   const std::string base = text.substr(0, question);
-  const auto* preset = std::find_if(std::begin(kPresets), std::end(kPresets), [&](const Preset& p) { return base == p.name; });
+  const auto* preset =
+      std::find_if(std::begin(kPresets), std::end(kPresets), [&](const Preset& p) { return base == p.name; });
   if (preset == std::end(kPresets))
     throw InputError(kPrefix + base + ": unknown sequence '" + base + "', expected one of " + synthetic_names());
   SyntheticOptions options;

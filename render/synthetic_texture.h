@@ -26,8 +26,8 @@ class Texture {
   int width() const { return width_; }
   int height() const { return height_; }
 
-  // Bilinear look-up at level 0 coordinates, which must lie within the texture; values 0..255. Channels == 1 gives grey;
-  // Channels == 4 gives B, G, R, grey. The grey of both is the same to the last bit.
+  // Bilinear look-up at level 0 coordinates, which must lie within the texture; values 0..255. Channels == 1 gives
+  // grey; Channels == 4 gives B, G, R, grey. The grey of both is the same to the last bit.
   template <int Channels>
   void sample(float s, float t, int level, float* out) const {
     static_assert(Channels == 1 || Channels == 4);
@@ -37,7 +37,8 @@ class Texture {
     const int ix = static_cast<int>(x), iy = static_cast<int>(y);
     const float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
     const cv::Mat& image = Channels == 1 ? l.grey : l.colour;
-    const std::uint8_t* a = image.data + static_cast<std::size_t>(iy) * image.step[0] + static_cast<std::size_t>(ix * Channels);
+    const std::uint8_t* a =
+        image.data + static_cast<std::size_t>(iy) * image.step[0] + static_cast<std::size_t>(ix * Channels);
     const std::uint8_t* b = a + image.step[0];
     for (int c = 0; c < Channels; ++c) {
       const float top = static_cast<float>(a[c]) + fx * static_cast<float>(a[c + Channels] - a[c]);

@@ -10,7 +10,7 @@ die() {
   exit 1
 }
 
-jobs() { nproc 2>/dev/null || echo 2; }
+processors() { nproc 2>/dev/null || echo 2; }
 
 # Warnings are errors with the compiler the project is written with; another one may warn of more.
 warnings_as_errors() {

@@ -191,7 +191,9 @@ void Tracker::report(const TwoStageResult& result, const TrackingSnapshot& map, 
 }
 
 bool Tracker::wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out) const {
-  if (frame.index - last_keyframe_frame_ < options_.keyframe_interval_frames) return false;
+  const bool young = static_cast<int>(map.keyframes.size()) < options_.young_keyframes;
+  const int interval = young ? options_.young_interval_frames : options_.keyframe_interval_frames;
+  if (frame.index - last_keyframe_frame_ < interval) return false;
   const RigidTransform world_from_camera = out.camera_from_world->inverse();
   // Nearest keyframe in position, turning counted as if it moved the view at the scene's depth.
   double nearest = std::numeric_limits<double>::infinity();

@@ -38,6 +38,9 @@ struct TrackerOptions {
 
   // Keyframes (PTAM §6.2).
   int keyframe_interval_frames = 20;
+  // A map of fewer keyframes than young_keyframes gets them sooner: its first baseline is short.
+  int young_keyframes = 5;
+  int young_interval_frames = 5;
   double keyframe_distance_over_depth = 0.10;  // to the nearest keyframe, in mean depths
   double keyframe_angle_rad = 0.35;            // or turned by this much, when it also sees little of the map
 
@@ -47,7 +50,7 @@ struct TrackerOptions {
   double recovery_min_fraction = 0.35;
 
   // Initialisation without key presses.
-  double auto_min_motion_px = 6;     // median trail length before it is tried
+  double auto_min_motion_px = 2;     // median trail length before it is tried
   int auto_max_frames = 120;         // older first frames are replaced
   double auto_min_survivors = 0.35;  // of the trails started
 

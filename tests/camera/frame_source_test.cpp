@@ -284,7 +284,7 @@ TEST_F(FrameSourceTest, RefusalsAreOneClearLine) {
       {"unreadable", "rgb/1.png: cannot be read: No such file"},
       {"kitti", "image_0: found no image"},
       {"pipe", "found a device or pipe"},
-      {"none", "cannot be read: no such file or folder"},
+      {"none", "cannot be read: No such file or directory"},
       {"none/below", "cannot be read"},
   };
   for (const auto& [name, part] : cases) {

