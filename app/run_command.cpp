@@ -5,6 +5,7 @@
 
 #include "app/command.h"
 #include "app/progress_bar.h"
+#include "app/run_drawing.h"
 #include "app/run_outputs.h"
 #include "app/run_session.h"
 #include "app/run_settings.h"
@@ -16,7 +17,7 @@ namespace {
 
 struct RunArguments {
   std::string source, calibration, init = "auto", pace = "realtime";
-  std::string trajectory, keyframes, points, timing, report, video, frames;
+  std::string trajectory, keyframes, points, timing, report, video, frames, truth;
   int start = 0, count = -1, threads = 1;
   std::vector<std::string> settings;
 };
@@ -43,31 +44,45 @@ std::optional<std::pair<int, int>> parse_init(const std::string& text) {
   return frames;
 }
 
+Trajectory true_trajectory(const FrameSource& frames, const std::string& name) {
+  Trajectory out;
+  for (const StampedPose& pose : frames.ground_truth()) out.push_back({pose.time, pose.world_from_camera});
+  if (out.empty()) throw InputError("--truth: " + name + " carries no true poses");
+  return out;
+}
+
 int run(const RunArguments& args) {
   RunOptions options;
   options.key_presses = parse_init(args.init);
   options.pace = args.pace == "lockstep" ? Pace::lockstep : Pace::realtime;
   options.mapper.threads = args.threads;
   apply_settings(args.settings, &options);
-  const bool drawing = !args.video.empty() || !args.frames.empty();
+  const bool draws = !args.video.empty() || !args.frames.empty();
   SourceOptions source_options;
-  source_options.colour = drawing;
+  source_options.colour = draws;
   source_options.start_frame = args.start;
   source_options.max_frames = args.count;
   OpenedSource opened = open_source(args.source, args.calibration, source_options);
   const int total = opened.frames->frame_count();
   const double fps = opened.frames->frames_per_second();
+  const Trajectory truth = args.truth.empty() ? Trajectory{} : true_trajectory(*opened.frames, args.source);
   const auto source = make_read_ahead(std::move(opened.frames));
-
+  std::unique_ptr<RunDrawing> drawing;
+  if (draws) drawing = std::make_unique<RunDrawing>(opened.camera, fps, args.video, args.frames);
   RunResult result;
   {
+    ProgressBar progress("tracking", total);
+    int done = 0;
     result = run_session(source.get(), opened.camera, options,
-                         [&](const Frame& frame, const TrackingResult& tracked, const std::optional<Plane>&) {
-                           (void)frame; (void)tracked; (void)total;
+                         [&](const Frame& frame, const TrackingResult& tracked, const std::optional<Plane>& plane) {
+                           if (drawing) drawing->draw(frame, tracked, plane);
+                           progress.update(++done, to_string(tracked.state));
                          });
   }
+  if (drawing) drawing->close();
   for (const SourceWarning& w : result.warnings) std::cerr << "parallax: warning: " << w.text << '\n';
   if (!args.trajectory.empty()) write_trajectory_tum(tracked_trajectory(result), args.trajectory);
+  if (!args.truth.empty()) write_trajectory_tum(truth, args.truth);
   if (!args.keyframes.empty()) write_trajectory_tum(keyframe_trajectory(result), args.keyframes);
   if (!args.points.empty()) write_points_ply(result.map, args.points);
   if (!args.timing.empty()) write_timing_csv(result, args.timing);
@@ -76,7 +91,10 @@ int run(const RunArguments& args) {
     write_report_json(result, context, args.report);
   }
   std::cout << summary_text(result);
-  return kExitDone;
+  if (!args.video.empty()) std::cout << "video: " << args.video << '\n';
+  if (tracked_anything(result)) return kExitDone;
+  std::cerr << "parallax: tracking never started: " << why_not_started(result) << '\n';
+  return kExitFailed;
 }
 
 }  // namespace
@@ -98,6 +116,9 @@ void add_run_command(CLI::App& app, int* exit_code) {
   command->add_option("--points", args->points, "Write the map's points (PLY)");
   command->add_option("--timing", args->timing, "Write a row a frame (CSV)");
   command->add_option("--report", args->report, "Write counts, timings and settings (JSON)");
+  command->add_option("--truth", args->truth, "Write the source's true poses, where it carries them (TUM form)");
+  command->add_option("--video", args->video, "Write the recording with the overlay drawn in (.mp4 or .avi)");
+  command->add_option("--frames", args->frames, "Write each drawn frame as a PNG into this folder");
   command->add_option("--set", args->settings, "NAME=VALUE: an option of the tracker or mapper (may be repeated)");
   command->callback([args, exit_code] { *exit_code = run(*args); });
 }

@@ -166,6 +166,15 @@ void write_report_json(const RunResult& result, const ReportContext& context, co
   write_file_atomically(path, [&](std::ostream& out) { out << report.dump(2) << '\n'; });
 }
 
+bool tracked_anything(const RunResult& result) { return count(result).tracked > 0; }
+
+std::string why_not_started(const RunResult& result) {
+  if (result.frames_read == 0) return "no frame could be read";
+  for (auto it = result.frames.rbegin(); it != result.frames.rend(); ++it)
+    if (!it->message.empty()) return it->message;
+  return "the camera never moved enough, or saw too little texture";
+}
+
 std::string summary_text(const RunResult& result) {
   const Counts c = count(result);
   const Percentiles total = percentiles(collect(result, [](const auto& r) { return r.times.total; }));

@@ -24,6 +24,10 @@ struct ReportContext {
 };
 void write_report_json(const RunResult& result, const ReportContext& context, const std::string& path);
 
+// Whether any frame was tracked, and if not, what the user was last told.
+bool tracked_anything(const RunResult& result);
+std::string why_not_started(const RunResult& result);
+
 // A few lines for the user.
 std::string summary_text(const RunResult& result);
 

@@ -2,6 +2,8 @@
 // recording when the data are there, else noise.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -192,6 +194,14 @@ void BM_BestZmssd(benchmark::State& state) {
     benchmark::DoNotOptimize(best_zmssd(templates[i], pyramid().level[0], corners(), places()[i].x() + 1.5,
                                         places()[i].y() - 1.25, static_cast<double>(state.range(1)), 20000, &x, &y));
   }
+  // How many corners a search evaluates on average.
+  double inside = 0;
+  for (const Eigen::Vector2d& p : places()) {
+    for (const Corner& c : corners().corners) {
+      inside += std::hypot(c.x - p.x() - 1.5, c.y - p.y() + 1.25) <= static_cast<double>(state.range(1));
+    }
+  }
+  state.counters["corners"] = inside / static_cast<double>(places().size());
 }
 
 void BM_AlignPatch(benchmark::State& state) {

@@ -46,8 +46,8 @@ struct Search {
   }
 };
 
-constexpr std::size_t kQueueSize = 256;  // corners evaluated in one go
-constexpr std::size_t kQueueSlack = 8;   // vector writes may run over
+constexpr std::size_t kQueueSize = 64;  // corners evaluated in one go
+constexpr std::size_t kQueueSlack = 8;  // vector writes may run over
 constexpr int kBlock = kPatchSize / 2;
 
 // Appends the corners of [begin, end), one row's, with x in [first, last] to `queue`; `end_of_list` bounds what may be

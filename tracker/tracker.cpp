@@ -142,6 +142,7 @@ void Tracker::track_map(const Frame& frame, const TrackingSnapshot& map, Trackin
   }
   accept(frame, result_.camera_from_world, out);
   count_points(result_, map);
+  most_found_ = std::max(most_found_, out->total_found());
   if (quality == TrackingQuality::good && wants_keyframe(frame, map, *out)) propose_keyframe(frame, map, result_, out);
 }
 
@@ -192,7 +193,11 @@ void Tracker::report(const TwoStageResult& result, const TrackingSnapshot& map, 
 
 bool Tracker::wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out) const {
   const bool young = static_cast<int>(map.keyframes.size()) < options_.young_keyframes;
-  const int interval = young ? options_.young_interval_frames : options_.keyframe_interval_frames;
+  const int found = out.total_found();
+  const bool leaving = found < options_.leaving_points || found < options_.leaving_part * most_found_;
+  const int interval = leaving ? options_.leaving_interval_frames
+                       : young ? options_.young_interval_frames
+                               : options_.keyframe_interval_frames;
   if (frame.index - last_keyframe_frame_ < interval) return false;
   const RigidTransform world_from_camera = out.camera_from_world->inverse();
   // Nearest keyframe in position, turning counted as if it moved the view at the scene's depth.
@@ -202,7 +207,8 @@ bool Tracker::wants_keyframe(const Frame& frame, const TrackingSnapshot& map, co
     const double angle = (kf.camera_from_world * world_from_camera).angle();
     nearest = std::min(nearest, distance + options_.keyframe_distance_over_depth * angle / options_.keyframe_angle_rad);
   }
-  return nearest > options_.keyframe_distance_over_depth;
+  constexpr double kLeavingDistance = 0.5;  // of the usual distance
+  return nearest > options_.keyframe_distance_over_depth * (leaving ? kLeavingDistance : 1.0);
 }
 
 void Tracker::propose_keyframe(const Frame& frame, const TrackingSnapshot& map, const TwoStageResult& result,
@@ -224,6 +230,7 @@ void Tracker::propose_keyframe(const Frame& frame, const TrackingSnapshot& map, 
   MapperMessage message = std::move(proposal);
   if (!mapper_->try_push(message)) return;  // the mapper is busy: a later frame will do
   last_keyframe_frame_ = frame.index;
+  most_found_ = 0;
   out->keyframe_proposed = true;
 }
 

@@ -54,6 +54,7 @@ class Tracker {
   bool tracking_ = false;        // there is a map and a pose on it
   int bad_frames_ = 0;           // in a row
   int last_keyframe_frame_ = -1000;
+  int most_found_ = 0;           // points found in one frame, the most since the last keyframe
   double scene_depth_ = 1;       // median depth of what was tracked, metres
   std::uint64_t known_map_version_ = 0, known_world_version_ = 0;
   SimilarityTransform known_world_from_first_;

@@ -41,6 +41,11 @@ struct TrackerOptions {
   // A map of fewer keyframes than young_keyframes gets them sooner: its first baseline is short.
   int young_keyframes = 5;
   int young_interval_frames = 5;
+  // A view that leaves the mapped part gets them sooner and closer: when fewer points are found than this part of what the
+  // last keyframe's neighbourhood gave, or than this number.
+  double leaving_part = 0.6;
+  int leaving_points = 100;
+  int leaving_interval_frames = 4;
   double keyframe_distance_over_depth = 0.10;  // to the nearest keyframe, in mean depths
   double keyframe_angle_rad = 0.35;            // or turned by this much, when it also sees little of the map
 

@@ -1,6 +1,7 @@
 // Sub-pixel alignment on a texture whose value is known at every real position.
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <limits>
 
 #include "core/patch.h"

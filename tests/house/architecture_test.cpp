@@ -27,7 +27,9 @@ std::vector<fs::path> files_of_the_tree() {
   return files;
 }
 
-bool is_source(const fs::path& path) { return path.extension() == ".h" || path.extension() == ".cpp"; }
+bool is_source(const fs::path& path) {
+  return path.extension() == ".h" || path.extension() == ".cpp" || path.extension() == ".inl";
+}
 
 Architecture the_architecture() {
   return parse_architecture(::parallax::testing::read_all(kRoot / "docs/architecture.md"));

@@ -51,20 +51,24 @@ inline SyntheticBundle make_synthetic_bundle(const SyntheticBundleOptions& o) {
     const Eigen::Matrix3d rotation = RigidTransform::exp(tilt).R;
     out.poses.emplace_back(rotation, -(rotation * centre));
   }
-  for (int p = 0; p < o.points; ++p)
-    out.points.emplace_back(width * (uniform(random) - 0.5), depth * (uniform(random) - 0.5), -0.2 * uniform(random));
-  for (int p = 0; p < o.points; ++p) {
+  while (int(out.points.size()) < o.points) {
+    const Eigen::Vector3d point(width * (uniform(random) - 0.5), depth * (uniform(random) - 0.5),
+                                -0.2 * uniform(random));
+    std::vector<BundleObservation> seen;
     for (int i = 0; i < o.keyframes; ++i) {
-      Eigen::Vector2d pixel;
-      if (!o.camera.project(out.poses[std::size_t(i)] * out.points[std::size_t(p)], &pixel)) continue;
-      if (!o.camera.in_image(pixel, 2)) continue;
       BundleObservation observation;
       observation.pose = i;
-      observation.point = p;
+      observation.point = int(out.points.size());
+      if (!o.camera.project(out.poses[std::size_t(i)] * point, &observation.pixel)) continue;
+      if (o.camera.in_image(observation.pixel, 2)) seen.push_back(observation);
+    }
+    if (seen.size() < 3) continue;
+    out.points.push_back(point);
+    for (BundleObservation& observation : seen) {
       observation.sigma_px = double(1 << int(3 * uniform(random) * uniform(random)));
       const bool wrong = uniform(random) < o.outliers;
       const Eigen::Vector2d noise(gauss(random), gauss(random));
-      observation.pixel = pixel + o.noise_px * observation.sigma_px * noise;
+      observation.pixel += o.noise_px * observation.sigma_px * noise;
       if (wrong) {
         const double angle = 2 * std::numbers::pi * uniform(random), size = 20 + 60 * uniform(random);
         observation.pixel += observation.sigma_px * size * Eigen::Vector2d(std::cos(angle), std::sin(angle));
