@@ -37,11 +37,25 @@ std::optional<std::pair<int, int>> parse_init(const std::string& text) {
       throw InputError("--init: found '" + text + "', expected auto or two frame numbers A,B");
     return value;
   };
-  if (comma == std::string::npos) throw InputError("--init: found '" + text + "', expected auto or two frame numbers A,B");
+  if (comma == std::string::npos)
+    throw InputError("--init: found '" + text + "', expected auto or two frame numbers A,B");
   const std::pair<int, int> frames{number(text.substr(0, comma)), number(text.substr(comma + 1))};
   if (frames.first >= frames.second)
     throw InputError("--init: found '" + text + "', expected the second frame after the first");
   return frames;
+}
+
+// Frame numbers that the source does not have; a source of unknown length is believed.
+void check_frame_numbers(const RunArguments& args, const RunOptions& options, int frames) {
+  if (frames == 0) throw InputError(args.source + ": found no frame at or after --start " + std::to_string(args.start));
+  if (!options.key_presses) return;
+  const auto [first, second] = *options.key_presses;
+  if (first < args.start)
+    throw InputError("--init: found '" + args.init + "', expected frames from " + std::to_string(args.start) +
+                     " on, where --start begins");
+  if (frames > 0 && second >= args.start + frames)
+    throw InputError("--init: found '" + args.init + "', expected frames up to " +
+                     std::to_string(args.start + frames - 1) + ", the last of " + args.source);
 }
 
 Trajectory true_trajectory(const FrameSource& frames, const std::string& name) {
@@ -64,6 +78,7 @@ int run(const RunArguments& args) {
   source_options.max_frames = args.count;
   OpenedSource opened = open_source(args.source, args.calibration, source_options);
   const int total = opened.frames->frame_count();
+  check_frame_numbers(args, options, total);
   const double fps = opened.frames->frames_per_second();
   const Trajectory truth = args.truth.empty() ? Trajectory{} : true_trajectory(*opened.frames, args.source);
   const auto source = make_read_ahead(std::move(opened.frames));
@@ -102,14 +117,16 @@ int run(const RunArguments& args) {
 void add_run_command(CLI::App& app, int* exit_code) {
   auto args = std::make_shared<RunArguments>();
   CLI::App* command = app.add_subcommand("run", "Track and map a recording, headless");
-  command->add_option("source", args->source, "Video file, data-set folder, image folder, or synthetic:NAME")->required();
+  command->add_option("source", args->source, "Video file, data-set folder, image folder, or synthetic:NAME")
+      ->required();
   command->add_option("--calibration", args->calibration, "Calibration file; default: the one the source carries");
-  command->add_option("--init", args->init, "auto, or the frame numbers A,B of the two key presses")->capture_default_str();
+  command->add_option("--init", args->init, "auto, or the frame numbers A,B of the two key presses")
+      ->capture_default_str();
   command->add_option("--pace", args->pace, "realtime: frames arrive at their time stamps; lockstep: deterministic")
       ->check(CLI::IsMember({"realtime", "lockstep"}))
       ->capture_default_str();
   command->add_option("--start", args->start, "First frame")->check(CLI::NonNegativeNumber);
-  command->add_option("--frames-limit", args->count, "At most so many frames");
+  command->add_option("--frames-limit", args->count, "At most so many frames")->check(CLI::PositiveNumber);
   command->add_option("--threads", args->threads, "Threads of one bundle adjustment")->check(CLI::Range(1, 64));
   command->add_option("--trajectory", args->trajectory, "Write every tracked pose (TUM form)");
   command->add_option("--keyframes", args->keyframes, "Write the keyframes' poses (TUM form)");

@@ -14,9 +14,23 @@ constexpr std::size_t kLiveQueue = 2;
 // After the last frame the mapper may finish what it is at, for so long.
 constexpr double kRealtimeFinish_s = 3.0;
 
-bool is_key_press(const RunOptions& options, int frame) {
-  return options.key_presses && (frame == options.key_presses->first || frame == options.key_presses->second);
-}
+// The two key presses of the options. One whose own frame never arrives (unreadable, dropped) goes with the next that
+// does.
+class KeyPresses {
+ public:
+  explicit KeyPresses(const RunOptions& options) {
+    if (options.key_presses) due_ = {options.key_presses->second, options.key_presses->first};
+  }
+  // Whether the key is pressed at this frame; frames come in order.
+  bool at(int frame) {
+    if (due_.empty() || frame < due_.back()) return false;
+    due_.pop_back();
+    return true;
+  }
+
+ private:
+  std::vector<int> due_;  // the next one last
+};
 
 void check_size(const Frame& frame, const CameraModel& camera, const FrameSource& source) {
   if (frame.grey.cols == camera.width() && frame.grey.rows == camera.height()) return;
@@ -37,15 +51,16 @@ void collect_warnings(FrameSource* source, RunResult* out) {
   for (SourceWarning& w : source->take_warnings()) out->warnings.push_back(std::move(w));
 }
 
-void run_lockstep(FrameSource* source, const CameraModel& camera, const RunOptions& options, const FrameObserver& observer,
-                  SharedMap* map, RunResult* out) {
+void run_lockstep(FrameSource* source, const CameraModel& camera, const RunOptions& options,
+                  const FrameObserver& observer, SharedMap* map, RunResult* out) {
   MapperInbox inbox(kInboxCapacity);
   Mapper mapper(camera, options.mapper, map, &inbox);
   Tracker tracker(camera, options.tracker, !options.key_presses, map, &inbox);
+  KeyPresses key_presses(options);
   while (auto frame = source->next()) {
     check_size(*frame, camera, *source);
     ++out->frames_read;
-    TrackingResult result = tracker.track(*frame, is_key_press(options, frame->index));
+    TrackingResult result = tracker.track(*frame, key_presses.at(frame->index));
     while (mapper.step()) {
     }
     if (observer) observer(*frame, result, map->snapshot()->plane);
@@ -55,11 +70,12 @@ void run_lockstep(FrameSource* source, const CameraModel& camera, const RunOptio
   out->mapper = mapper.statistics();
 }
 
-void run_realtime(FrameSource* source, const CameraModel& camera, const RunOptions& options, const FrameObserver& observer,
-                  SharedMap* map, RunResult* out) {
+void run_realtime(FrameSource* source, const CameraModel& camera, const RunOptions& options,
+                  const FrameObserver& observer, SharedMap* map, RunResult* out) {
   MapperInbox inbox(kInboxCapacity);
   Mapper mapper(camera, options.mapper, map, &inbox);
   Tracker tracker(camera, options.tracker, !options.key_presses, map, &inbox);
+  KeyPresses key_presses(options);
   BoundedQueue<Frame> arriving(kLiveQueue);
   int dropped = 0;
   std::exception_ptr reader_failure, mapper_failure;
@@ -73,7 +89,7 @@ void run_realtime(FrameSource* source, const CameraModel& camera, const RunOptio
       arriving.close();
     }
   });
-  // Frames arrive at their time stamps, whether or not the tracker is ready; the newest is kept (a key press is not lost).
+  // Frames arrive at their time stamps, whether or not the tracker is ready; the newest is kept.
   std::jthread camera_thread([&](std::stop_token stop) {
     try {
       std::optional<Timestamp> first;
@@ -91,11 +107,7 @@ void run_realtime(FrameSource* source, const CameraModel& camera, const RunOptio
           wake.wait_until(mutex, stop, due, [] { return false; });
         }
         ++out->frames_read;
-        if (is_key_press(options, frame->index)) {
-          arriving.push(std::move(*frame), stop);
-        } else if (arriving.push_drop_oldest(std::move(*frame))) {
-          ++dropped;
-        }
+        if (arriving.push_drop_oldest(std::move(*frame))) ++dropped;
       }
     } catch (...) {
       reader_failure = std::current_exception();
@@ -103,14 +115,15 @@ void run_realtime(FrameSource* source, const CameraModel& camera, const RunOptio
     arriving.close();
   });
   while (auto frame = arriving.pop()) {
-    TrackingResult result = tracker.track(*frame, is_key_press(options, frame->index));
+    TrackingResult result = tracker.track(*frame, key_presses.at(frame->index));
     if (observer) observer(*frame, result, map->snapshot()->plane);
     keep(std::move(result), out);
   }
   camera_thread.join();
   collect_warnings(source, out);
   // The tracker has stopped: no new keyframes come, so the mapper finishes its work within a limit.
-  const auto end = SteadyClock::now() + std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(kRealtimeFinish_s));
+  const auto end = SteadyClock::now() +
+                   std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(kRealtimeFinish_s));
   mapping.request_stop();
   mapping.join();
   if (reader_failure) std::rethrow_exception(reader_failure);

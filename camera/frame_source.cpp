@@ -35,7 +35,9 @@ void check_regular_file(const std::string& source) {
   std::ifstream file(source, std::ios::binary);
   if (!file) throw InputError(source + ": cannot be read: " + std::generic_category().message(errno));
   std::string start(64, '\0');
+  errno = 0;
   file.read(start.data(), static_cast<std::streamsize>(start.size()));
+  if (file.bad()) throw InputError(source + ": cannot be read: " + std::generic_category().message(errno));
   start.resize(static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0)));
   if (start.empty()) throw InputError(source + ": found an empty file, expected a video or a folder");
   const bool motion_jpeg = lower_extension(source) == ".mjpeg" || lower_extension(source) == ".mjpg";

@@ -59,7 +59,7 @@ void check_keyframe(const Map& map, const CameraModel& camera, const Keyframe& k
 void check_point(const Map& map, const MapPoint& p, Reports* out) {
   const int i = p.id.index;
   if (!p.position.allFinite()) out->add("point ", i, ": position is not finite");
-  if (std::abs(p.normal.norm() - 1.0) > 1e-6) out->add("point ", i, ": normal is not a unit vector");
+  if (!(std::abs(p.normal.norm() - 1.0) <= 1e-6)) out->add("point ", i, ": normal is not a unit vector");
   if (!strictly_sorted(p.observers) || !strictly_sorted(p.failed)) out->add("point ", i, ": lists not sorted");
   for (KeyframeId id : p.observers) {
     const Keyframe* kf = map.keyframes.find(id);
@@ -70,6 +70,9 @@ void check_point(const Map& map, const MapPoint& p, Reports* out) {
     if (std::binary_search(p.failed.begin(), p.failed.end(), id))
       out->add("point ", i, " is both measured and failed in keyframe ", id.index);
   }
+  for (KeyframeId id : p.failed) {
+    if (!map.keyframes.contains(id)) out->add("point ", i, " failed in keyframe ", id.index, ", which is not there");
+  }
   const Keyframe* source = map.keyframes.find(p.source);
   if (!source) {
     out->add("point ", i, ": source keyframe ", p.source.index, " is not there");
@@ -79,6 +82,7 @@ void check_point(const Map& map, const MapPoint& p, Reports* out) {
     out->add("point ", i, ": source level ", p.source_level);
     return;
   }
+  if (!source->images) return;  // reported with the keyframe
   const GreyImage& image = source->images->pyramid.level[p.source_level];
   const Eigen::Vector2d& px = p.source_pixel;
   if (!(px.x() >= 0 && px.y() >= 0 && px.x() <= image.cols - 1 && px.y() <= image.rows - 1))
@@ -92,7 +96,11 @@ std::vector<std::string> check_consistency(const Map& map, const CameraModel& ca
   Reports out;
   for (const Keyframe& kf : map.keyframes) check_keyframe(map, camera, kf, &out);
   for (const MapPoint& p : map.points) check_point(map, p, &out);
-  if (map.plane && !proper_rotation(map.plane->world_from_plane.R)) out.add("plane: not a rigid transform");
+  if (map.plane) {
+    const RigidTransform& pose = map.plane->world_from_plane;
+    if (!proper_rotation(pose.R) || !pose.t.allFinite()) out.add("plane: not a rigid transform");
+    if (!(map.plane->extent_m > 0)) out.add("plane: extent ", map.plane->extent_m);
+  }
   return out.take();
 }
 

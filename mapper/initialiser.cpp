@@ -101,7 +101,11 @@ InitialisationReply initialise_map(SharedMap* map, const CameraModel& camera, co
       point_of_trail.emplace_back(request.matches[i].trail, id);
     }
   });
-  AdjustmentReport adjusted = adjust_global(&fresh, camera, options, {});
+  // The noise of the matches decides how much parallax is enough, so its estimate has a low floor here.
+  MapperOptions first_options = options;
+  first_options.min_sigma = std::min(options.min_sigma, 0.05);
+  AdjustmentReport adjusted = adjust_global(&fresh, camera, first_options, {});
+  log::debug("first adjustment: sigma ", adjusted.solve.sigma, " px");
   if (!adjusted.ran || adjusted.solve.failed || adjusted.solve.sigma > options.initial_max_sigma_px) {
     reply.reason = "the two views do not agree well enough: press Space again and slide the camera smoothly sideways";
     return reply;

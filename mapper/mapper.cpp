@@ -4,8 +4,8 @@
 #include "mapper/initialiser.h"
 #include "mapper/keyframe_insertion.h"
 #include "mapper/map_maintenance.h"
-#include "mapper/normal_estimation.h"
 #include "mapper/point_creation.h"
+#include "mapper/remeasure.h"
 
 namespace parallax {
 namespace {
@@ -18,7 +18,13 @@ constexpr int kMaxGlobalRounds = 4;
 }  // namespace
 
 Mapper::Mapper(const CameraModel& camera, const MapperOptions& options, SharedMap* map, MapperInbox* inbox)
-    : camera_(camera), options_(options), map_(map), inbox_(inbox), rng_(options.seed), association_(camera, options) {
+    : camera_(camera),
+      options_(options),
+      map_(map),
+      inbox_(inbox),
+      rng_(options.seed),
+      association_(camera, options),
+      normals_(camera) {
   options.validate();
 }
 
@@ -26,6 +32,7 @@ void Mapper::handle_initialisation(InitialisationRequest request) {
   InitialisationReply reply = initialise_map(map_, camera_, options_, request, &rng_);
   if (reply.ok) {
     association_.clear();
+    normals_.clear();
     newest_ = map_->read([](const Map& m) {
       KeyframeId last;
       for (const Keyframe& kf : m.keyframes) last = kf.id;
@@ -72,6 +79,7 @@ void Mapper::handle(MapperMessage message) {
     map_->note_new_map();
     map_->publish();
     association_.clear();
+    normals_.clear();
     local_pending_ = global_pending_ = association_pending_ = upkeep_pending_ = false;
     reset->done.set_value();
   }
@@ -101,7 +109,8 @@ bool Mapper::work() {
   }
   if (global_pending_) {
     const AdjustmentReport report = adjust_global(map_, camera_, options_, inbox_->interrupt_token());
-    global_pending_ = report.solve.stopped || (report.ran && !report.solve.converged && ++global_rounds_ < kMaxGlobalRounds);
+    global_pending_ =
+        report.solve.stopped || (report.ran && !report.solve.converged && ++global_rounds_ < kMaxGlobalRounds);
     ++statistics_.global_adjustments;
     statistics_.global_ms.push_back(static_cast<float>(report.milliseconds));
     after_adjustment(report);
@@ -119,9 +128,17 @@ bool Mapper::work() {
     upkeep_pending_ = false;
     const int merged = merge_duplicates(map_, camera_, options_, newest_);
     statistics_.points_merged += merged;
-    const int normals = estimate_normals(map_, camera_, inbox_->interrupt_token());
+    const std::stop_token interrupt = inbox_->interrupt_token();
+    const std::vector<PointId> turned = normals_.estimate(map_, interrupt);
+    // What was measured with the old warp is measured again; that takes one more adjustment, and no more than one a
+    // keyframe.
+    const int repeated = remeasure_points(map_, camera_, options_, turned, interrupt);
+    statistics_.normals_changed += static_cast<int>(turned.size());
+    statistics_.measurements_repeated += repeated;
+    if (repeated > 0) global_pending_ = true;
     if (cull_redundant_keyframe(map_, camera_, options_, newest_)) ++statistics_.keyframes_culled;
-    if (merged + normals > 0) map_->publish();
+    map_->publish();
+    log::debug("upkeep: ", merged, " merged, ", turned.size(), " normals, ", repeated, " measured again");
     return true;
   }
   return false;

@@ -1,6 +1,6 @@
-// What the mapping thread does (PTAM §6, Fig. 2), one unit of work a call, the most urgent first: messages, a new keyframe, local
-// adjustment, global adjustment, data association refinement. Not thread-safe: one thread calls it; it is the map's only structural
-// writer. Run it in a loop of its own, or step by step between frames (lockstep).
+// What the mapping thread does (PTAM §6, Fig. 2), one unit of work a call, the most urgent first: messages, a new
+// keyframe, local adjustment, global adjustment, data association refinement. Not thread-safe: one thread calls it; it
+// is the map's only structural writer. Run it in a loop of its own, or step by step between frames (lockstep).
 #pragma once
 
 #include <memory>
@@ -14,6 +14,7 @@
 #include "mapper/data_association.h"
 #include "mapper/map_adjustment.h"
 #include "mapper/mapper_options.h"
+#include "mapper/normal_estimation.h"
 
 namespace parallax {
 
@@ -21,6 +22,7 @@ namespace parallax {
 struct MapperStatistics {
   int keyframes_inserted = 0, keyframes_refused = 0, keyframes_culled = 0, keyframes_rejected = 0;
   int points_made = 0, points_erased = 0, points_merged = 0, measurements_added = 0;
+  int normals_changed = 0, measurements_repeated = 0;
   int local_adjustments = 0, global_adjustments = 0, adjustments_interrupted = 0;
   std::vector<float> insertion_ms, local_ms, global_ms;
 };
@@ -51,6 +53,7 @@ class Mapper {
   MapperInbox* inbox_;
   std::mt19937_64 rng_;
   DataAssociation association_;
+  NormalEstimation normals_;
   MapperStatistics statistics_;
 
   KeyframeId newest_;

@@ -13,7 +13,7 @@ struct MapperOptions {
   double initial_baseline_m = 0.1;       // "the camera translated 10 cm between the stereo pair"
   // For frames chosen automatically: the median parallax in degrees, and over the noise of the matches (how many standard
   // deviations a typical point's depth is above nothing).
-  double auto_min_parallax_deg = 0.25;
+  double auto_min_parallax_deg = 0.12;
   double auto_min_parallax_sigmas = 12;
   int initial_min_points = 60;
   double initial_max_sigma_px = 1.5;     // robust scale after the first adjustment
@@ -26,7 +26,7 @@ struct MapperOptions {
   int max_new_points[4] = {350, 180, 90, 40};    // a keyframe and level, for 640x480
   double epipolar_band_px = 1.5;         // distance from the epipolar line, pixels of the level
   double epipolar_uniqueness = 0.7;      // best score must be below this part of the second best elsewhere on the line
-  double min_triangulation_deg = 1.0;
+  double min_triangulation_deg = 0.4;
   double max_triangulation_error_px = 1.5;  // pixels of the level
 
   // Measuring known points at their predicted place.

@@ -18,15 +18,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Two rotated grids of four within the pixel; each averages to its centre.
-constexpr std::array<std::array<double, 2>, 8> kPixelOffsets = {{{-0.125, -0.375},
-                                                                 {0.375, -0.125},
-                                                                 {-0.375, 0.125},
-                                                                 {0.125, 0.375},
-                                                                 {0.125, -0.375},
-                                                                 {-0.375, -0.125},
-                                                                 {0.375, 0.125},
-                                                                 {-0.125, 0.375}}};
+// Rotated grids within the pixel, in sixteenths: one of four samples, and two that together make eight with eight
+// different columns and rows. Each four average to the pixel's centre.
+constexpr int kPixelOffsets[12][2] = {{-2, -6}, {6, -2}, {-6, 2}, {2, 6}, {1, 5},  {-5, 1},
+                                      {-1, -5}, {5, -1}, {3, -7}, {7, 3}, {-3, 7}, {-7, -3}};
 constexpr double kNearMetres = 0.005;
 constexpr int kStepGroup = 4;  // pixels that share one entry of ray_steps_
 
@@ -100,9 +95,9 @@ RayCaster::RayTable RayCaster::make_rays(const CameraModel& camera, double dx, d
 const RayCaster::RayTable& RayCaster::rays(int offset) {
   auto& table = tables_[static_cast<std::size_t>(offset)];
   if (!table) {
-    const std::array<double, 2> centre = {0, 0};
-    const auto& d = offset == kOffsets ? centre : kPixelOffsets[static_cast<std::size_t>(offset)];
-    table = std::make_unique<RayTable>(make_rays(camera_, d[0], d[1], tiles_x_, tiles_y_));
+    const double dx = offset == kOffsets ? 0 : kPixelOffsets[offset][0] / 16.0;
+    const double dy = offset == kOffsets ? 0 : kPixelOffsets[offset][1] / 16.0;
+    table = std::make_unique<RayTable>(make_rays(camera_, dx, dy, tiles_x_, tiles_y_));
   }
   return *table;
 }
@@ -312,7 +307,8 @@ void RayCaster::render(std::span<const RigidTransform> camera_from_world, cv::Ma
   std::vector<const RayTable*> tables;
   for (std::size_t i = 0; i < camera_from_world.size(); ++i) {
     samples.push_back(surfaces_in(camera_from_world[i]));
-    tables.push_back(&rays(static_cast<int>(i) % kOffsets));
+    const int sample = static_cast<int>(i);
+    tables.push_back(&rays(camera_from_world.size() == 4 ? sample : 4 + sample % 8));
   }
   grey->create(camera_.height(), camera_.width());
   if (colour) colour->create(camera_.height(), camera_.width());

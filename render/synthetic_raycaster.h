@@ -42,7 +42,7 @@ class RayCaster {
  private:
   static constexpr int kTile = 32;
   static constexpr int kTilePixels = kTile * kTile;
-  static constexpr int kOffsets = 8;
+  static constexpr int kOffsets = 12;  // within the pixel: 4 for frames of four samples, 8 for the others
 
   struct TileBounds {
     float x0, x1, y0, y1;  // over the rays (x, y, 1)

@@ -66,10 +66,15 @@ void pose_normal(const PoseJob& job, KernelParameters kernel, double* out) {
       a[k] = load(job.jacobian + k * job.stride + i);
       b[k] = load(job.jacobian + (6 + k) * job.stride + i);
     }
-    int n = 0;
+    // Unrolled, so that the sums stay in registers.
+#pragma GCC unroll 6
     for (int r = 0; r < 6; ++r) {
       const Vec wa = w * a[r], wb = w * b[r];
-      for (int c = r; c < 6; ++c, ++n) sum[n] = fma(wa, a[c], fma(wb, b[c], sum[n]));
+#pragma GCC unroll 6
+      for (int c = r; c < 6; ++c) {
+        const int n = c + r * (11 - r) / 2;
+        sum[n] = fma(wa, a[c], fma(wb, b[c], sum[n]));
+      }
       sum[21 + r] = fma(wa, ru, fma(wb, rv, sum[21 + r]));
     }
     sum[27] += w;

@@ -11,7 +11,7 @@ namespace {
 constexpr int kMinTrails = 60;
 // Each refused automatic try waits until the trails have grown by this much.
 constexpr double kRetryGrowth = 1.15;
-constexpr double kRetryStep_px = 1.0;
+constexpr double kRetryStep_px = 0.3;
 // Pose from trails: a match counts as right within this many pixels.
 constexpr int kMinPoseInliers = 20;
 

@@ -55,7 +55,7 @@ struct TrackerOptions {
   double recovery_min_fraction = 0.35;
 
   // Initialisation without key presses.
-  double auto_min_motion_px = 2;     // median trail length before it is tried
+  double auto_min_motion_px = 0.8;     // median trail length before it is tried
   int auto_max_frames = 120;         // older first frames are replaced
   double auto_min_survivors = 0.35;  // of the trails started
 

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <ostream>
 
 #include "core/trajectory.h"
 #include "tests/support/process.h"
@@ -32,6 +33,13 @@ struct Published {
   const char* figure;
   double rmse, max, median;
 };
+
+// How the case is called in lists of tests.
+std::ostream& operator<<(std::ostream& out, const Published& p) {
+  out << p.estimate << ' ' << p.figure;
+  for (const auto& option : p.options) out << ' ' << option;
+  return out;
+}
 
 class PublishedFigures : public ::testing::TestWithParam<Published> {};
 

@@ -1,0 +1,67 @@
+#include "mapper/point_creation.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/mapper/desk_fixture.h"
+
+namespace parallax {
+namespace {
+
+using test::desk_views;
+
+TEST(PointCreation, NewPointsAreTrueAndWhole) {
+  SharedMap shared;
+  test::set_map(&shared, test::true_map(&desk_views(), {1, 3, 5}, 12));
+  const Map before = test::copy_of(shared);
+  const KeyframeId newest{0, 2};
+  const int made = create_points(&shared, desk_views().camera(), MapperOptions(), newest);
+  const Map after = test::copy_of(shared);
+  EXPECT_EQ(test::faults(after, desk_views().camera()), "");
+  EXPECT_EQ(after.points.size(), before.points.size() + made);
+  ASSERT_GT(made, 60);
+  int wrong = 0, smooth = 0;
+  std::array<int, kPyramidLevels> levels{};
+  for (const MapPoint& p : after.points) {
+    if (before.points.contains(p.id)) continue;
+    ++levels[static_cast<std::size_t>(p.source_level)];
+    EXPECT_EQ(p.source, newest);
+    EXPECT_EQ(p.observers.size(), 2U);
+    const Measurement* root = after.keyframes.at(newest).find(p.id);
+    ASSERT_NE(root, nullptr);
+    EXPECT_EQ(root->source, MeasurementSource::root);
+    EXPECT_EQ(root->level, p.source_level);
+    EXPECT_NEAR((root->pixel - level_to_level0(p.source_pixel, p.source_level)).norm(), 0, 1e-12);
+    // The patch looks at its source.
+    EXPECT_GT(p.normal.dot((after.keyframes.at(newest).centre() - p.position).normalized()), 0.99);
+    if (!desk_views().normal(5, root->pixel, 4 * level_scale(p.source_level))) continue;
+    ++smooth;
+    const double z = (desk_views().camera_from_world(5) * p.position).z();
+    wrong += std::abs(z / desk_views().depth(5, root->pixel) - 1) > 0.04 * level_scale(p.source_level) ? 1 : 0;
+  }
+  EXPECT_GT(smooth, 30);
+  EXPECT_LT(wrong, 0.06 * smooth);
+  EXPECT_GT(levels[0], 0);
+  EXPECT_GT(levels[1], 0);
+  // What was there has not changed.
+  for (const MapPoint& p : before.points) EXPECT_EQ(after.points.at(p.id).position, p.position);
+}
+
+TEST(PointCreation, TheSamePlaceIsNotMadeTwice) {
+  SharedMap shared;
+  test::set_map(&shared, test::true_map(&desk_views(), {1, 3}, 12));
+  const int first = create_points(&shared, desk_views().camera(), MapperOptions(), {0, 1});
+  const int second = create_points(&shared, desk_views().camera(), MapperOptions(), {0, 1});
+  EXPECT_GT(first, 40);
+  EXPECT_LT(second, 0.3 * first) << "only what the limits left over";
+  EXPECT_EQ(test::faults(shared, desk_views().camera()), "");
+}
+
+TEST(PointCreation, WithoutABaselineNoneAreMade) {
+  SharedMap shared;
+  test::set_map(&shared, test::true_map(&desk_views(), {1}, 12));
+  EXPECT_EQ(create_points(&shared, desk_views().camera(), MapperOptions(), {0, 0}), 0);
+  EXPECT_EQ(create_points(&shared, desk_views().camera(), MapperOptions(), {0, 7}), 0) << "a keyframe that is not there";
+}
+
+}  // namespace
+}  // namespace parallax
