@@ -126,7 +126,7 @@ void add_run_command(CLI::App& app, int* exit_code) {
       ->check(CLI::IsMember({"realtime", "lockstep"}))
       ->capture_default_str();
   command->add_option("--start", args->start, "First frame")->check(CLI::NonNegativeNumber);
-  command->add_option("--frames-limit", args->count, "At most so many frames")->check(CLI::PositiveNumber);
+  command->add_option("--frames-limit", args->count, "At most so many frames")->check(CLI::Range(1, 1000000000));
   command->add_option("--threads", args->threads, "Threads of one bundle adjustment")->check(CLI::Range(1, 64));
   command->add_option("--trajectory", args->trajectory, "Write every tracked pose (TUM form)");
   command->add_option("--keyframes", args->keyframes, "Write the keyframes' poses (TUM form)");

@@ -50,7 +50,8 @@ int commit(SharedMap* map, const std::vector<Finding>& findings) {
 }  // namespace
 
 void DataAssociation::add_outliers(const std::vector<std::pair<KeyframeId, PointId>>& outliers) {
-  second_chances_.insert(second_chances_.end(), outliers.begin(), outliers.end());
+  for (const auto& pair : outliers)
+    if (given_.insert(pair).second) second_chances_.push_back(pair);
 }
 
 int DataAssociation::refine_new_points(SharedMap* map, int max_points, std::stop_token stop, bool* idle) {

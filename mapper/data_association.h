@@ -3,6 +3,7 @@
 #pragma once
 
 #include <deque>
+#include <set>
 #include <stop_token>
 #include <utility>
 #include <vector>
@@ -17,7 +18,11 @@ class DataAssociation {
  public:
   DataAssociation(const CameraModel& camera, const MapperOptions& options) : camera_(camera), options_(options) {}
 
-  void clear() { second_chances_.clear(); }
+  // Another map: nothing that was noted holds.
+  void clear() {
+    second_chances_.clear();
+    given_.clear();
+  }
   // Measurements that were taken out of the map. Each pair is tried once only.
   void add_outliers(const std::vector<std::pair<KeyframeId, PointId>>& outliers);
 
@@ -31,7 +36,8 @@ class DataAssociation {
 
   CameraModel camera_;
   MapperOptions options_;
-  std::deque<std::pair<KeyframeId, PointId>> second_chances_;
+  std::deque<std::pair<KeyframeId, PointId>> second_chances_;  // waiting
+  std::set<std::pair<KeyframeId, PointId>> given_;             // ever since the map was made
 };
 
 }  // namespace parallax

@@ -6,6 +6,9 @@
 namespace parallax {
 namespace {
 
+// A measurement is grossly wrong beyond this many of its own standard deviations.
+constexpr double kGrossError = 5.0;
+
 struct Extracted {
   BundleProblem problem;
   std::vector<KeyframeId> keyframes;
@@ -62,10 +65,13 @@ void commit(Map* map, const Extracted& solved, const std::vector<std::uint8_t>& 
 
   if (!report->solve.stopped) {
     std::vector<int> total(solved.keyframes.size(), 0), bad(solved.keyframes.size(), 0);
-    for (std::size_t k = 0; k < outlier.size(); ++k) {
-      const auto& o = solved.problem.observations[k];
+    // A keyframe is wrong when its measurements are off by much more than any noise; outliers of a narrow kernel may only
+    // say that the lens or the shutter is not quite what the model says.
+    for (const auto& o : solved.problem.observations) {
       ++total[o.pose];
-      if (outlier[k]) ++bad[o.pose];
+      Eigen::Vector2d pixel;
+      const bool seen = solved.problem.camera.project(solved.problem.poses[o.pose] * solved.problem.points[o.point], &pixel);
+      if (!seen || (pixel - o.pixel).norm() > kGrossError * o.sigma_px) ++bad[o.pose];
     }
     for (std::size_t i = 0; i < solved.keyframes.size(); ++i) {
       const Keyframe* kf = map->keyframes.find(solved.keyframes[i]);

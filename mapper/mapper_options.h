@@ -13,7 +13,7 @@ struct MapperOptions {
   double initial_baseline_m = 0.1;       // "the camera translated 10 cm between the stereo pair"
   // For frames chosen automatically: the median parallax in degrees, and over the noise of the matches (how many standard
   // deviations a typical point's depth is above nothing).
-  double auto_min_parallax_deg = 0.12;
+  double auto_min_parallax_deg = 0.2;
   double auto_min_parallax_sigmas = 12;
   int initial_min_points = 60;
   double initial_max_sigma_px = 1.5;     // robust scale after the first adjustment

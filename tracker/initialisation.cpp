@@ -112,6 +112,7 @@ Initialisation::Step Initialisation::step(
   follow(images);
   out.state = TrackingState::trailing;
 
+  const bool accepted_before = accepted_.has_value();
   if (pending_ && pending_->wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
     InitialisationReply reply = pending_->get();
     pending_.reset();
@@ -125,6 +126,12 @@ Initialisation::Step Initialisation::step(
     out.first_pose = pose_from_trails(map);
     out.state = TrackingState::tracking;
     reset();
+    return out;
+  }
+  if (accepted_before) {
+    // The map is published before the answer is given: it has been there, and was reset since.
+    reset();
+    out.state = TrackingState::waiting;
     return out;
   }
   if (pending_ || accepted_) {

@@ -31,7 +31,9 @@ TEST_P(Recordings, AreTrackedAccurately) {
   EXPECT_EQ(error.matches.size(), run.trajectory.size());
   EXPECT_LE(ate_mm(error), expected.ate_mm);
   EXPECT_GE(run.tracked_fraction(), expected.tracked);
-  if (expected.never_lost) EXPECT_EQ(run.lost(), 0);
+  if (expected.never_lost) {
+    EXPECT_EQ(run.lost(), 0);
+  }
 }
 
 // The truth of `kitchen` is itself some 40 mm off.
@@ -42,7 +44,7 @@ INSTANTIATE_TEST_SUITE_P(Lockstep, Recordings,
                                            Expectation{"wide_desk_given", "wide_desk", "0,30", 1.25, 0.89, true},
                                            Expectation{"kitchen_auto", "kitchen", "auto", 48, 0.95, false},
                                            Expectation{"kitchen_given", "kitchen", "0,40", 48, 0.91, false}),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& test) { return std::string(test.param.name); });
 
 // Two threads at the pace of the time stamps. What it may take depends on the machine; that nothing is lost must not.
 TEST(Realtime, DeskIsTrackedAsItArrives) {

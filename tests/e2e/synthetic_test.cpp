@@ -31,7 +31,7 @@ TEST_P(Lenses, TrackTheDesk) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Synthetic, Lenses, ::testing::Values("pinhole", "radtan", "kannala_brandt", "fov"),
-                         [](const auto& info) { return std::string(info.param); });
+                         [](const auto& test) { return std::string(test.param); });
 
 // A camera that only turns gives no depth: no map, and the user is told why.
 void expect_refusal(const std::string& source, const std::vector<std::string>& arguments,

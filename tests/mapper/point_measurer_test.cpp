@@ -51,14 +51,18 @@ TEST(PointMeasurer, APredictionALittleOffIsCorrected) {
   int tried = 0, right = 0;
   for (const MapPoint& p : map().points) {
     const auto truth = desk_views().project_visible(3, p.position, 30);
-    auto predicted = truth ? predict_patch(camera, p, desk_views().camera_from_world(2), desk_views().camera_from_world(3)) : std::nullopt;
+    auto predicted =
+        truth ? predict_patch(camera, p, desk_views().camera_from_world(2), desk_views().camera_from_world(3))
+              : std::nullopt;
     if (!predicted) continue;
     ++tried;
     predicted->pixel += Eigen::Vector2d(1.8, -1.6) * level_scale(predicted->level);
-    const auto m = measure_point(p, *desk_views().images(2), *predicted, *desk_views().images(3), 4, MeasurementSource::refind);
+    const auto m =
+        measure_point(p, *desk_views().images(2), *predicted, *desk_views().images(3), 4, MeasurementSource::refind);
     right += m && (m->pixel - *truth).norm() < 0.75 * level_scale(m->level) ? 1 : 0;
     // Out of the radius, nothing is taken for it.
-    const auto tight = measure_point(p, *desk_views().images(2), *predicted, *desk_views().images(3), 1.5, MeasurementSource::second_chance);
+    const auto tight = measure_point(p, *desk_views().images(2), *predicted, *desk_views().images(3), 1.5,
+                                     MeasurementSource::second_chance);
     if (tight) {
       EXPECT_LE((tight->pixel - predicted->pixel).norm(), 2.0 * level_scale(tight->level) + 1e-9);
     }
@@ -80,14 +84,16 @@ TEST(PointMeasurer, WhatCannotBeSeenIsNotPredicted) {
   const Eigen::Vector3d above = p.position + 0.6 * p.normal;
   EXPECT_TRUE(predict_patch(camera, p, source, look_at(above + Eigen::Vector3d(0, -0.02, 0), p.position).inverse()));
   const Eigen::Vector3d far = p.position + 20 * p.normal;
-  EXPECT_FALSE(predict_patch(camera, p, source, look_at(far + Eigen::Vector3d(0, -0.02, 0), p.position).inverse())) << "too small";
+  EXPECT_FALSE(predict_patch(camera, p, source, look_at(far + Eigen::Vector3d(0, -0.02, 0), p.position).inverse()))
+      << "too small";
 }
 
 TEST(PointMeasurer, NothingIsFoundInABlankImage) {
   const CameraModel& camera = desk_views().camera();
   const auto blank = test::features_of(GreyImage(240, 320, static_cast<std::uint8_t>(90)));
   for (const MapPoint& p : map().points) {
-    const auto predicted = predict_patch(camera, p, desk_views().camera_from_world(2), desk_views().camera_from_world(3));
+    const auto predicted =
+        predict_patch(camera, p, desk_views().camera_from_world(2), desk_views().camera_from_world(3));
     if (predicted) {
       EXPECT_FALSE(measure_point(p, *desk_views().images(2), *predicted, *blank, 4, MeasurementSource::refind));
     }

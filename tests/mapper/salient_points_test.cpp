@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "tests/mapper/desk_fixture.h"
 
 namespace parallax {
@@ -39,13 +41,18 @@ TEST(SalientPoints, KeepTheRules) {
     EXPECT_GE(p.score, options.min_shi_tomasi[l]);
     EXPECT_NEAR(p.score, shi_tomasi_score(image, x, y), 1e-9);
     EXPECT_TRUE(std::find(images.corners[l].corners.begin(), images.corners[l].corners.end(),
-                          Corner{static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)}) != images.corners[l].corners.end());
+                          Corner{static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)}) !=
+                images.corners[l].corners.end());
     // A search patch fits around it.
     EXPECT_TRUE(x >= 5 && y >= 5 && x < image.cols - 5 && y < image.rows - 5);
-    for (std::size_t j = 0; j < i; ++j)
-      if (points[j].level == p.level) EXPECT_GE((points[j].pixel - p.pixel).norm(), options.min_spacing_px);
-    for (const Measurement& m : measured)
-      if (m.level == p.level) EXPECT_GE((level0_to_level(m.pixel, p.level) - p.pixel).norm(), options.min_spacing_px - 0.75);
+    for (std::size_t j = 0; j < i; ++j) {
+      if (points[j].level != p.level) continue;
+      EXPECT_GE((points[j].pixel - p.pixel).norm(), options.min_spacing_px);
+    }
+    for (const Measurement& m : measured) {
+      if (m.level != p.level) continue;
+      EXPECT_GE((level0_to_level(m.pixel, p.level) - p.pixel).norm(), options.min_spacing_px - 0.75);
+    }
   }
   const double area = 320.0 * 240.0 / (640.0 * 480.0);
   for (std::size_t l = 0; l < kPyramidLevels; ++l) EXPECT_LE(count[l], std::max(5.0, options.max_new_points[l] * area));

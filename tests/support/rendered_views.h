@@ -186,6 +186,11 @@ inline Map true_map(RenderedViews* views, const std::vector<int>& keyframes, int
       }
     }
   }
+  // As in any map: a point that one view alone sees is none.
+  std::vector<PointId> single;
+  for (const MapPoint& p : map.points)
+    if (keyframes.size() > 1 && p.observers.size() < 2) single.push_back(p.id);
+  for (PointId id : single) map.erase_point(id);
   for (Keyframe& kf : map.keyframes) map.update_depth(&kf);
   return map;
 }

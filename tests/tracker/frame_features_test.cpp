@@ -110,7 +110,7 @@ TEST(FrameFeatures, ThresholdsAdaptToTheTarget) {
   cv::RNG rng(5);
   for (int i = 0; i < 400; ++i) {
     const cv::Point at(rng.uniform(0, 156), rng.uniform(0, 116));
-    grey(cv::Rect(at, cv::Size(4, 4))) = static_cast<std::uint8_t>(100 + rng.uniform(-60, 60));
+    grey(cv::Rect(at, cv::Size(4, 4))) = static_cast<std::uint8_t>(100 + rng.uniform(-35, 35));
   }
   std::size_t found = 0;
   for (int i = 0; i < 60; ++i) found = features.compute(grey)->corners[0].corners.size();

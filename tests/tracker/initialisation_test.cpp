@@ -145,6 +145,23 @@ TEST_F(InitialisationTest, OnceTheMapIsThereTheFirstPoseIsThisFrames) {
   EXPECT_TRUE(initialisation_.trails_for_drawing().empty());
 }
 
+// The user resets between the mapper's answer and the next frame.
+TEST_F(InitialisationTest, AMapThatIsGoneAgainIsNotWaitedFor) {
+  step(0, true);
+  for (int i = 1; i < 4; ++i) step(i);
+  step(4, true);
+  auto request = requested();
+  ASSERT_TRUE(request);
+  InitialisationReply reply;
+  reply.ok = true;
+  request->reply.set_value(reply);
+  EXPECT_EQ(step(5).state, TrackingState::initialising);
+  EXPECT_EQ(step(6).state, TrackingState::waiting);
+  EXPECT_EQ(step(7, true).state, TrackingState::trailing) << "the key starts anew";
+  EXPECT_EQ(step(8, true).state, TrackingState::initialising);
+  EXPECT_TRUE(requested());
+}
+
 TEST_F(InitialisationTest, ResetForgetsTheTrails) {
   step(0, true);
   step(1);
