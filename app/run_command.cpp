@@ -19,6 +19,7 @@ struct RunArguments {
   std::string source, calibration, init = "auto", pace = "realtime";
   std::string trajectory, keyframes, points, timing, report, video, frames, truth;
   int start = 0, count = -1, threads = 1;
+  double speed = 1.0;
   std::vector<std::string> settings;
 };
 
@@ -69,6 +70,7 @@ int run(const RunArguments& args) {
   RunOptions options;
   options.key_presses = parse_init(args.init);
   options.pace = args.pace == "lockstep" ? Pace::lockstep : Pace::realtime;
+  options.speed = args.speed;
   options.mapper.threads = args.threads;
   apply_settings(args.settings, &options);
   const bool draws = !args.video.empty() || !args.frames.empty();
@@ -124,6 +126,10 @@ void add_run_command(CLI::App& app, int* exit_code) {
       ->capture_default_str();
   command->add_option("--pace", args->pace, "realtime: frames arrive at their time stamps; lockstep: deterministic")
       ->check(CLI::IsMember({"realtime", "lockstep"}))
+      ->capture_default_str();
+  command
+      ->add_option("--speed", args->speed, "Realtime: frames arrive so many times faster than their time stamps say")
+      ->check(CLI::Range(0.001, 1000.0))
       ->capture_default_str();
   command->add_option("--start", args->start, "First frame")->check(CLI::NonNegativeNumber);
   command->add_option("--frames-limit", args->count, "At most so many frames")->check(CLI::Range(1, 1000000000));

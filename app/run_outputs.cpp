@@ -119,6 +119,7 @@ void write_report_json(const RunResult& result, const ReportContext& context, co
   const TrackerOptions& t = context.options->tracker;
   const MapperOptions& m = context.options->mapper;
   report["settings"] = {{"pace", context.pace},
+                        {"speed", context.options->speed},
                         {"init", context.initialisation},
                         {"coarse_points", t.coarse_points},
                         {"fine_points", t.fine_points},

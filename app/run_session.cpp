@@ -89,7 +89,7 @@ void run_realtime(FrameSource* source, const CameraModel& camera, const RunOptio
       arriving.close();
     }
   });
-  // Frames arrive at their time stamps, whether or not the tracker is ready; the newest is kept.
+  // Frames arrive at their time stamps (over the speed), whether or not the tracker is ready; the newest is kept.
   std::jthread camera_thread([&](std::stop_token stop) {
     try {
       std::optional<Timestamp> first;
@@ -101,7 +101,8 @@ void run_realtime(FrameSource* source, const CameraModel& camera, const RunOptio
         if (!frame) break;
         check_size(*frame, camera, *source);
         if (!first) first = frame->time;
-        const auto due = start + (frame->time - *first);
+        const std::chrono::duration<double, std::nano> since_first = frame->time - *first;
+        const auto due = start + std::chrono::duration_cast<SteadyClock::duration>(since_first / options.speed);
         {
           MutexLock lock(mutex);
           wake.wait_until(mutex, stop, due, [] { return false; });

@@ -18,6 +18,9 @@ enum class Pace { realtime, lockstep };
 
 struct RunOptions {
   Pace pace = Pace::realtime;
+  // Realtime: how fast time passes. 0.1: frames arrive ten times slower than their time stamps say, for a machine or a
+  // build that is slow.
+  double speed = 1.0;
   // Frame numbers of the two key presses; nothing: chosen automatically.
   std::optional<std::pair<int, int>> key_presses;
   TrackerOptions tracker;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <cstdint>
 
 #include "map/source_patch.h"
 
@@ -15,23 +15,71 @@ constexpr double kMergeDistance_px = 1.25;
 constexpr double kMergeDepth = 0.01;
 // Observers that make a measurement redundant.
 constexpr int kRedundantObservers = 3;
+// A point of the map that is this far (pixels of the level) from its measurement may still centre a new source patch.
+constexpr double kSourceShift_px = 1.0;
+// Less than this, cosine, and a normal that was not estimated turns to the new source.
+constexpr double kSidewaysCosine = 0.5;
+// Searches that count: all counts are halved beyond, so that a point that has changed is not kept for its past.
+constexpr int kCountMemory = 1000;
+// Hidden: most of at least so many points around it (tangent of the angle) in a keyframe that looked for it in vain are
+// nearer by this part.
+constexpr int kOccluderPoints = 3;
+constexpr double kOccluderRadius = 0.035;
+constexpr double kOccluderDepth = 0.93;
+constexpr std::size_t kOccluderKeyframes = 3;
 
-// Another observer becomes the source: the one that sees the patch largest. False when there is none.
+// Whether something nearer stood in front of the point in the newest keyframes that could not measure it.
+bool occluded(const Map& map, const MapPoint& point) {
+  const std::size_t looks = std::min(kOccluderKeyframes, point.failed.size());
+  for (std::size_t i = 0; i < looks; ++i) {
+    const Keyframe& kf = map.keyframes.at(point.failed[point.failed.size() - 1 - i]);
+    const Eigen::Vector3d p = kf.camera_from_world * point.position;
+    if (!(p.z() > 0)) continue;
+    int near = 0, in_front = 0;
+    for (const Measurement& x : kf.measurements) {
+      const Eigen::Vector3d q = kf.camera_from_world * map.points.at(x.point).position;
+      if (!(q.z() > 0)) continue;
+      const Eigen::Vector2d apart = q.head<2>() / q.z() - p.head<2>() / p.z();
+      if (apart.squaredNorm() > kOccluderRadius * kOccluderRadius) continue;
+      ++near;
+      if (q.z() < kOccluderDepth * p.z()) ++in_front;
+    }
+    if (in_front >= kOccluderPoints && 2 * in_front > near) return true;
+  }
+  return false;
+}
+
+// Another observer becomes the source: the one that sees the patch largest, and of several such the one that sees it
+// most from the front. The patch's centre is where the point, known from all its measurements, is seen there: the one
+// measurement's own error would shift the patch against what the other keyframes measured. False when there is none.
 bool give_new_source(Map* map, const CameraModel& camera, MapPoint* point, KeyframeId leaving) {
-  const Keyframe* best = nullptr;
-  const Measurement* measurement = nullptr;
+  Keyframe* best = nullptr;
+  Measurement* measurement = nullptr;
+  double best_cosine = 0;
   for (KeyframeId id : point->observers) {
     if (id == leaving) continue;
-    const Keyframe& kf = map->keyframes.at(id);
-    const Measurement* m = kf.find(point->id);
-    if (!measurement || m->level < measurement->level) {
-      best = &kf;
-      measurement = m;
-    }
+    Keyframe& kf = map->keyframes.at(id);
+    Measurement* m = kf.find(point->id);
+    const double cosine = (kf.centre() - point->position).normalized().dot(point->normal);
+    if (measurement && (m->level > measurement->level || (m->level == measurement->level && cosine <= best_cosine)))
+      continue;
+    best = &kf;
+    measurement = m;
+    best_cosine = cosine;
   }
   if (!best) return false;
-  const Eigen::Vector2d pixel = level0_to_level(measurement->pixel, measurement->level);
-  return set_source(point, best->id, measurement->level, pixel, camera);
+  Eigen::Vector2d pixel = measurement->pixel;
+  Eigen::Vector2d projected;
+  if (camera.project(best->camera_from_world * point->position, &projected) &&
+      (projected - pixel).norm() < kSourceShift_px * level_scale(measurement->level))
+    pixel = projected;
+  if (!set_source(point, best->id, measurement->level, level0_to_level(pixel, measurement->level), camera))
+    return false;
+  measurement->source = MeasurementSource::root;
+  // A normal that was only a guess would be seen from the side.
+  if (!point->normal_estimated && best_cosine < kSidewaysCosine)
+    point->normal = (best->centre() - point->position).normalized();
+  return true;
 }
 
 void remove_one(Map* map, const CameraModel& camera, KeyframeId id) {
@@ -59,7 +107,17 @@ int apply_counts(SharedMap* map, const MapperOptions& options, const PointCounts
       p->found += c.found;
       p->pose_outliers += c.outliers;
       const bool outlier = p->pose_outliers > options.bad_after_outliers && 2 * p->pose_outliers > p->found;
-      const bool never_found = p->searched > options.bad_after_searches && p->found < options.min_found_part * p->searched;
+      const bool never_found =
+          p->searched > options.bad_after_searches && p->found < options.min_found_part * p->searched;
+      if (!outlier && never_found && occluded(m, *p)) {
+        p->searched = p->found = p->pose_outliers = 0;
+        continue;
+      }
+      if (p->searched > kCountMemory) {
+        p->searched /= 2;
+        p->found /= 2;
+        p->pose_outliers /= 2;
+      }
       if (outlier || never_found) {
         m.erase_point(c.point);
         ++erased;
@@ -78,7 +136,8 @@ void remove_keyframes(SharedMap* map, const CameraModel& camera, const std::vect
   });
 }
 
-bool cull_redundant_keyframe(SharedMap* map, const CameraModel& camera, const MapperOptions& options, KeyframeId newest) {
+bool cull_redundant_keyframe(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
+                             KeyframeId newest) {
   const KeyframeId victim = map->read([&](const Map& m) {
     KeyframeId worst;
     double worst_part = options.redundant_part;
@@ -117,28 +176,30 @@ int merge_duplicates(SharedMap* map, const CameraModel& camera, const MapperOpti
     std::vector<Pair> out;
     const Keyframe* kf = m.keyframes.find(keyframe);
     if (!kf) return out;
-    std::map<std::pair<int, int>, std::vector<const Measurement*>> cells;
-    constexpr double kCell_px = 8;
-    for (const Measurement& x : kf->measurements)
-      cells[{static_cast<int>(x.pixel.x() / kCell_px), static_cast<int>(x.pixel.y() / kCell_px)}].push_back(&x);
-    std::vector<PointId> used;
-    for (const auto& [cell, members] : cells) {
-      for (std::size_t i = 0; i < members.size(); ++i) {
-        for (std::size_t j = i + 1; j < members.size(); ++j) {
-          const Measurement &a = *members[i], &b = *members[j];
-          if (a.level != b.level) continue;
-          if ((a.pixel - b.pixel).norm() > kMergeDistance_px * level_scale(a.level)) continue;
-          const MapPoint &pa = m.points.at(a.point), &pb = m.points.at(b.point);
-          const double za = (kf->camera_from_world * pa.position).z(), zb = (kf->camera_from_world * pb.position).z();
-          if (std::abs(za - zb) > kMergeDepth * std::min(za, zb)) continue;
-          const bool a_better = pa.observers.size() != pb.observers.size() ? pa.observers.size() > pb.observers.size() : pa.id < pb.id;
-          const Pair pair = a_better ? Pair{pa.id, pb.id} : Pair{pb.id, pa.id};
-          if (std::find(used.begin(), used.end(), pa.id) != used.end() || std::find(used.begin(), used.end(), pb.id) != used.end())
-            continue;
-          used.push_back(pa.id);
-          used.push_back(pb.id);
-          out.push_back(pair);
-        }
+    // Sorted by column; of the few within reach to the right, those near enough.
+    std::vector<const Measurement*> sorted;
+    sorted.reserve(kf->measurements.size());
+    for (const Measurement& x : kf->measurements) sorted.push_back(&x);
+    std::sort(sorted.begin(), sorted.end(), [](const Measurement* a, const Measurement* b) {
+      return a->pixel.x() != b->pixel.x() ? a->pixel.x() < b->pixel.x() : a->point < b->point;
+    });
+    std::vector<std::uint8_t> used(sorted.size(), 0);
+    constexpr double kReach_px = kMergeDistance_px * (1 << (kPyramidLevels - 1));
+    for (std::size_t i = 0; i < sorted.size(); ++i) {
+      const Measurement& a = *sorted[i];
+      for (std::size_t j = i + 1; j < sorted.size() && !used[i]; ++j) {
+        const Measurement& b = *sorted[j];
+        if (b.pixel.x() - a.pixel.x() > kReach_px) break;
+        // Patches of different levels show different detail, and each level is searched on its own: they stay.
+        if (used[j] || a.level != b.level) continue;
+        if ((a.pixel - b.pixel).norm() > kMergeDistance_px * level_scale(a.level)) continue;
+        const MapPoint &pa = m.points.at(a.point), &pb = m.points.at(b.point);
+        const double za = (kf->camera_from_world * pa.position).z(), zb = (kf->camera_from_world * pb.position).z();
+        if (std::abs(za - zb) > kMergeDepth * std::min(za, zb)) continue;
+        const bool a_better =
+            pa.observers.size() != pb.observers.size() ? pa.observers.size() > pb.observers.size() : pa.id < pb.id;
+        out.push_back(a_better ? Pair{pa.id, pb.id} : Pair{pb.id, pa.id});
+        used[i] = used[j] = 1;
       }
     }
     return out;
@@ -148,7 +209,13 @@ int merge_duplicates(SharedMap* map, const CameraModel& camera, const MapperOpti
     int merged = 0;
     for (const Pair& p : pairs) {
       if (!m.points.contains(p.keep) || !m.points.contains(p.drop)) continue;
+      // What measured the other patch, centred up to a pixel beside, would be off: the point is looked for there
+      // instead.
+      const std::vector<KeyframeId> observers = m.points.at(p.drop).observers;
+      for (KeyframeId id : observers)
+        if (!m.keyframes.at(id).find(p.keep)) m.remove_measurement(id, p.drop);
       m.merge_points(p.keep, p.drop);
+      m.points.at(p.keep).refined_everywhere = false;
       ++merged;
     }
     return merged;

@@ -1,5 +1,5 @@
-// Keeps the map sound and bounded: points that are wrong, keyframes that are wrong or not needed, points that are the same
-// point (where the paper's §8 says it is weak).
+// Keeps the map sound and bounded: points that are wrong, keyframes that are wrong or not needed, points that are the
+// same point (where the paper's §8 says it is weak).
 #pragma once
 
 #include <vector>
@@ -10,19 +10,22 @@
 
 namespace parallax {
 
-// What the tracker saw: points that are mostly outliers of the pose, or are hardly ever found, go. Returns how many.
+// What the tracker saw: points that are mostly outliers of the pose, or are hardly ever found, go, but not
+// one that something nearer hides in the keyframes that looked for it. Old counts fade. Returns how many went.
 int apply_counts(SharedMap* map, const MapperOptions& options, const PointCounts& counts);
 
-// Removes keyframes (never a fixed one): points whose source goes are given another source among their observers; points that
-// keep fewer than two observers go too.
+// Removes keyframes (never a fixed one): points whose source goes are given another source among their observers;
+// points that keep fewer than two observers go too.
 void remove_keyframes(SharedMap* map, const CameraModel& camera, const std::vector<KeyframeId>& keyframes);
 
 // Removes the most redundant keyframe, if there is one and the map is above its limit: one whose points are nearly all
 // measured by three or more others at the same or a finer level. The newest is kept. True when one was removed.
-bool cull_redundant_keyframe(SharedMap* map, const CameraModel& camera, const MapperOptions& options, KeyframeId newest);
+bool cull_redundant_keyframe(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
+                             KeyframeId newest);
 
-// Points measured within a pixel or so of each other in the keyframe and at the same depth are one point: the better measured
-// stays. Returns how many were merged.
+// Points measured within a pixel or so of each other in the keyframe and at the same depth are one point: the better
+// measured stays, and is to be looked for where only the other was measured (refined_everywhere is cleared). Returns
+// how many were merged.
 int merge_duplicates(SharedMap* map, const CameraModel& camera, const MapperOptions& options, KeyframeId keyframe);
 
 }  // namespace parallax

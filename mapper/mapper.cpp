@@ -128,6 +128,7 @@ bool Mapper::work() {
     upkeep_pending_ = false;
     const int merged = merge_duplicates(map_, camera_, options_, newest_);
     statistics_.points_merged += merged;
+    if (merged > 0) association_pending_ = true;
     const std::stop_token interrupt = inbox_->interrupt_token();
     const std::vector<PointId> turned = normals_.estimate(map_, interrupt);
     // What was measured with the old warp is measured again; that takes one more adjustment, and no more than one a

@@ -12,6 +12,9 @@ die() {
 
 processors() { nproc 2>/dev/null || echo 2; }
 
+# Where the development recordings are; tests that need one are skipped when it is absent.
+data_folder() { echo "${PARALLAX_DATA_DIR:-$PWD/../shared/data}"; }
+
 # Warnings are errors with the compiler the project is written with; another one may warn of more.
 warnings_as_errors() {
   case "$(c++ -dumpversion 2>/dev/null)" in
@@ -25,7 +28,8 @@ configure() {
   local preset=$1 log
   shift
   log=$(mktemp)
-  if ! cmake --preset "$preset" -DPARALLAX_WARNINGS_AS_ERRORS="$(warnings_as_errors)" "$@" >"$log" 2>&1; then
+  if ! cmake --preset "$preset" -DPARALLAX_WARNINGS_AS_ERRORS="$(warnings_as_errors)" \
+    -DPARALLAX_DATA_DIR="$(data_folder)" "$@" >"$log" 2>&1; then
     cat "$log" >&2
     rm -f "$log"
     die "cmake --preset $preset failed"

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "solver/absolute_pose.h"
 #include "tracker/tracking_quality.h"
 
 namespace parallax {
@@ -16,6 +17,9 @@ double variance(const SmallBlurryImage& image) {
   for (float v : image.image) sum += static_cast<double>(v) * v;
   return sum / std::max<double>(1.0, static_cast<double>(image.image.total()));
 }
+
+// Keyframes whose points are described in one frame, so that a frame's time stays bounded.
+constexpr int kDescribedKeyframes = 6;
 
 struct Scored {
   double difference;
@@ -38,6 +42,15 @@ bool Relocaliser::try_pose(const TrackingSnapshot& map, const FrameImages& frame
   request.fine_radius_px = options_.fine_radius_px;
   tracker->track(map, frame, request, result);
   return accept_recovery(*result, camera_, options_);
+}
+
+bool Relocaliser::recover_by_descriptors(const TrackingSnapshot& map, const FrameImages& frame,
+                                         TwoStageTracker* tracker, TwoStageResult* accepted) {
+  matcher_.prepare(map, kDescribedKeyframes);
+  const std::vector<PoseObservation> matches = matcher_.match(map, frame);
+  RigidTransform pose;
+  if (!solve_absolute_pose(camera_, matches, AbsolutePoseOptions{}, &rng_, &pose).ok) return false;
+  return try_pose(map, frame, pose, tracker, accepted);
 }
 
 bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& hint,
@@ -69,7 +82,7 @@ bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame,
     shifted.t.head<2>() += (alignment.shift.array() / camera_.focal_px().array() * kf.mean_depth).matrix();
     if (try_pose(map, frame, shifted, tracker, accepted)) return true;
   }
-  return false;
+  return recover_by_descriptors(map, frame, tracker, accepted);
 }
 
 }  // namespace parallax

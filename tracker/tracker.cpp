@@ -94,6 +94,7 @@ void Tracker::follow_map_changes(const TrackingSnapshot& map) {
     counts_.clear();
     touched_.clear();
     two_stage_.clear_cache();
+    relocaliser_.clear();
     if (tracking_) {
       tracking_ = false;
       initialisation_.reset();

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <random>
+
 #include "tests/mapper/desk_fixture.h"
 
 namespace parallax {
@@ -23,7 +27,9 @@ InitialisationRequest request_for(test::RenderedViews* views, int first, int sec
   std::normal_distribution<double> noise(0, std::max(noise_px, 1e-9));
   const GreyImage& image = r.first->pyramid.level[0];
   int trail = 0;
-  for (const Corner& c : maximal_corners(image, r.first->corners[0])) {
+  std::vector<Corner> corners = maximal_corners(image, r.first->corners[0]);
+  std::shuffle(corners.begin(), corners.end(), rng);  // from all over the image
+  for (const Corner& c : corners) {
     if (static_cast<int>(r.matches.size()) >= max_matches) break;
     if (shi_tomasi_score(image, c.x, c.y) < 40) continue;
     ++trail;
@@ -90,6 +96,7 @@ TEST(Initialiser, MakesATrueMapTenCentimetresWide) {
   EXPECT_LT(errors[errors.size() / 2], 0.008);
 
   // The table top is z = 0, seen from above.
+  EXPECT_GT((true_from_map.R * Eigen::Vector3d::UnitZ()).z(), 0.985);
   ASSERT_TRUE(map.plane.has_value());
   EXPECT_NEAR((map.plane->world_from_plane.R - Eigen::Matrix3d::Identity()).norm(), 0, 1e-9);
   EXPECT_NEAR(map.plane->world_from_plane.t.norm(), 0, 1e-9);
@@ -101,8 +108,8 @@ TEST(Initialiser, MakesATrueMapTenCentimetresWide) {
   double sum2 = 0;
   const std::size_t drop = height.size() / 20;
   for (std::size_t i = drop; i < height.size() - drop; ++i) sum2 += height[i] * height[i];
-  EXPECT_LT(std::sqrt(sum2 / static_cast<double>(height.size() - 2 * drop)), 0.006)
-      << "metres of the map, nine tenths of the points";
+  EXPECT_LT(std::sqrt(sum2 / static_cast<double>(height.size() - 2 * drop)), 0.025)
+      << "metres of the map, nine tenths of the points; things lie on the table";
 
   // Every trail named belongs to a point where it began.
   EXPECT_GT(reply.point_of_trail.size(), 0.7 * static_cast<double>(request.matches.size()));
