@@ -127,8 +127,7 @@ void add_run_command(CLI::App& app, int* exit_code) {
   command->add_option("--pace", args->pace, "realtime: frames arrive at their time stamps; lockstep: deterministic")
       ->check(CLI::IsMember({"realtime", "lockstep"}))
       ->capture_default_str();
-  command
-      ->add_option("--speed", args->speed, "Realtime: frames arrive so many times faster than their time stamps say")
+  command->add_option("--speed", args->speed, "Realtime: frames arrive so many times faster than their time stamps say")
       ->check(CLI::Range(0.001, 1000.0))
       ->capture_default_str();
   command->add_option("--start", args->start, "First frame")->check(CLI::NonNegativeNumber);

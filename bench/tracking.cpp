@@ -54,7 +54,7 @@ class Bench {
         inbox_(kInboxCapacity),
         mapper_(camera_, MapperOptions{}, &map_, &inbox_),
         tracker_(camera_, TrackerOptions{}, true, &map_, &inbox_),
-        projector_(camera_, TrackerOptions{}.min_view_cosine) {}
+        projector_(camera_, TrackerOptions{}.min_view_cosine, 1 << 30) {}
 
   // Lockstep over the sequence's first half; false when there is no map then.
   bool make_map() {

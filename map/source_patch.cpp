@@ -86,4 +86,11 @@ int zmssd_threshold(const PatchTemplate& t) {
                                    static_cast<double>(kMaxPerPixel * kPatchPixels)));
 }
 
+bool resembles(const AlignmentResult& match, const PatchTemplate& t, const ResemblanceLimits& limits) {
+  const auto sum = static_cast<float>(t.sum);
+  const float energy = static_cast<float>(t.sum_squares) - sum * sum / kPatchPixels;
+  const float contrast = std::sqrt(std::max(0.0f, energy / kPatchPixels));
+  return match.rms_residual < std::min(limits.max_rms, std::max(limits.noise_rms, limits.part * contrast));
+}
+
 }  // namespace parallax

@@ -51,4 +51,11 @@ void prepare_alignment(const ImagePyramid& source, int source_level, const Eigen
 // template does not match everything and a strong one survives blur and gain.
 int zmssd_threshold(const PatchTemplate& t);
 
+// How alike an aligned match must be: its residual (grey levels rms) is below `noise_rms`, or below `part` of the template's contrast,
+// and never above `max_rms`.
+struct ResemblanceLimits {
+  float max_rms, part, noise_rms;
+};
+bool resembles(const AlignmentResult& match, const PatchTemplate& t, const ResemblanceLimits& limits);
+
 }  // namespace parallax

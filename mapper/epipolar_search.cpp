@@ -12,9 +12,7 @@ namespace parallax {
 namespace {
 
 constexpr int kBorder = 5;
-constexpr float kMaxRms = 16.0f;      // grey levels
-constexpr float kMaxRmsPart = 0.45f;  // of the template's contrast
-constexpr float kNoiseRms = 6.0f;
+constexpr ResemblanceLimits kResemblance = {.max_rms = 16.0f, .part = 0.45f, .noise_rms = 6.0f};
 // Matches closer than this to the best are the same match, not a rival (pixels of the level).
 constexpr double kRivalDistance_px = 4.0;
 
@@ -110,11 +108,7 @@ std::optional<NewPoint> EpipolarSearch::find(const SalientPoint& candidate) cons
   prepare_alignment(view_.images->pyramid, candidate.level, candidate.pixel, &patch);
   if (!patch.alignment.valid) return std::nullopt;
   const AlignmentResult aligned = align_patch(patch.alignment, image, Eigen::Vector2d(chosen.x, chosen.y));
-  const float energy = static_cast<float>(patch.search.sum_squares) -
-                       static_cast<float>(patch.search.sum) * static_cast<float>(patch.search.sum) / kPatchPixels;
-  const float contrast = std::sqrt(std::max(0.0f, energy / kPatchPixels));
-  if (!aligned.converged || aligned.rms_residual > std::min(kMaxRms, std::max(kNoiseRms, kMaxRmsPart * contrast)))
-    return std::nullopt;
+  if (!aligned.converged || !resembles(aligned, patch.search, kResemblance)) return std::nullopt;
 
   NewPoint out;
   out.level = candidate.level;

@@ -112,6 +112,7 @@ bool Mapper::work() {
     global_pending_ =
         report.solve.stopped || (report.ran && !report.solve.converged && ++global_rounds_ < kMaxGlobalRounds);
     ++statistics_.global_adjustments;
+    unadjusted_measurements_ = 0;
     statistics_.global_ms.push_back(static_cast<float>(report.milliseconds));
     after_adjustment(report);
     return true;
@@ -120,8 +121,9 @@ bool Mapper::work() {
     bool idle = false;
     const int added = association_.refine(map_, kAssociationBatch, inbox_->interrupt_token(), &idle);
     statistics_.measurements_added += added;
+    unadjusted_measurements_ += added;
     association_pending_ = !idle;
-    if (idle && statistics_.measurements_added > 0 && ++global_rounds_ < kMaxGlobalRounds) global_pending_ = true;
+    if (idle && unadjusted_measurements_ > 0 && ++global_rounds_ < kMaxGlobalRounds) global_pending_ = true;
     return true;
   }
   if (upkeep_pending_) {

@@ -59,6 +59,7 @@ class Mapper {
   KeyframeId newest_;
   bool local_pending_ = false, global_pending_ = false, association_pending_ = false, upkeep_pending_ = false;
   int global_rounds_ = 0;
+  int unadjusted_measurements_ = 0;  // added by data association since the last global adjustment
 };
 
 }  // namespace parallax

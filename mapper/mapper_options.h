@@ -22,6 +22,7 @@ struct MapperOptions {
 
   // New points (PTAM §6.2).
   double min_shi_tomasi[4] = {35, 30, 25, 20};   // grey levels squared, a level
+  int wanted_points = 150;               // a keyframe that has fewer, measured and new, takes weaker corners too
   double min_spacing_px = 5;             // between a candidate and an existing measurement, pixels of the candidate's level
   int max_new_points[4] = {350, 180, 90, 40};    // a keyframe and level, for 640x480
   double epipolar_band_px = 1.5;         // distance from the epipolar line, pixels of the level

@@ -1,24 +1,13 @@
 #include "mapper/point_measurer.h"
 
 #include <Eigen/LU>
-#include <algorithm>
-#include <cmath>
 
 namespace parallax {
 namespace {
 
 constexpr double kHalfPatch = 4.0;
-constexpr float kMaxRms = 18.0f;      // grey levels
-constexpr float kMaxRmsPart = 0.5f;   // of the template's contrast
-constexpr float kNoiseRms = 6.0f;
+constexpr ResemblanceLimits kResemblance = {.max_rms = 18.0f, .part = 0.5f, .noise_rms = 6.0f};
 constexpr double kMaxAlignShift_px = 2.0;
-
-bool looks_alike(const AlignmentResult& result, const PatchTemplate& t) {
-  const float energy =
-      static_cast<float>(t.sum_squares) - static_cast<float>(t.sum) * static_cast<float>(t.sum) / kPatchPixels;
-  const float contrast = std::sqrt(std::max(0.0f, energy / kPatchPixels));
-  return result.rms_residual < std::min(kMaxRms, std::max(kNoiseRms, kMaxRmsPart * contrast));
-}
 
 }  // namespace
 
@@ -57,7 +46,7 @@ std::optional<Measurement> measure_point(const MapPoint& point, const FrameImage
   // Where no corner is near, the predicted place itself is as good a start.
   const Eigen::Vector2d start = score <= threshold ? Eigen::Vector2d(x, y) : centre;
   const AlignmentResult result = align_patch(patch.alignment, image, start, 10, kMaxAlignShift_px);
-  if (!result.converged || !looks_alike(result, patch.search)) return std::nullopt;
+  if (!result.converged || !resembles(result, patch.search, kResemblance)) return std::nullopt;
   if ((result.position - centre).norm() > radius_px + 0.5) return std::nullopt;
   Measurement m;
   m.point = point.id;

@@ -8,6 +8,8 @@ namespace {
 
 // Half a search patch and a pixel for its gradients.
 constexpr int kBorder = 6;
+// In a view that measures and gives few points, this part of the threshold will do.
+constexpr double kWeakScore = 0.25;
 // A cell of the spreading grid, in pixels of the level.
 constexpr int kCell = 16;
 
@@ -38,6 +40,7 @@ class Occupancy {
 std::vector<SalientPoint> find_salient_points(const FrameImages& images, const std::vector<Measurement>& measured,
                                               const MapperOptions& options) {
   std::vector<SalientPoint> out;
+  int strong = static_cast<int>(measured.size());
   const double area = static_cast<double>(images.pyramid.width()) * images.pyramid.height() / (640.0 * 480.0);
   for (int level = 0; level < kPyramidLevels; ++level) {
     const GreyImage& image = images.pyramid.level[level];
@@ -51,7 +54,7 @@ std::vector<SalientPoint> find_salient_points(const FrameImages& images, const s
       if (c.x < kBorder || c.y < kBorder || c.x >= image.cols - kBorder || c.y >= image.rows - kBorder) continue;
       if (occupied.taken(c.x, c.y)) continue;
       const double score = shi_tomasi_score(image, c.x, c.y);
-      if (score < options.min_shi_tomasi[level]) continue;
+      if (score < kWeakScore * options.min_shi_tomasi[level]) continue;
       found.push_back({level, Eigen::Vector2d(c.x, c.y), score});
     }
     std::sort(found.begin(), found.end(), [](const SalientPoint& a, const SalientPoint& b) {
@@ -71,7 +74,15 @@ std::vector<SalientPoint> find_salient_points(const FrameImages& images, const s
       order.emplace_back(in_cell[static_cast<std::size_t>(y / kCell) * columns + x / kCell]++, i);
     }
     std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-    for (int k = 0; k < std::min(limit, static_cast<int>(order.size())); ++k) out.push_back(found[order[k].second]);
+    int taken = 0;
+    for (const auto& [rank, index] : order) {
+      if (taken >= limit) break;
+      const bool weak = found[index].score < options.min_shi_tomasi[level];
+      if (weak && strong >= options.wanted_points * area) continue;
+      out.push_back(found[index]);
+      ++taken;
+      ++strong;
+    }
   }
   return out;
 }

@@ -1,92 +1,199 @@
 #include "solver/absolute_pose.h"
 
-#include <Eigen/Geometry>
+#include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
-#include <complex>
 
 namespace parallax {
 namespace {
 
-// Real roots of c[4] x^4 + ... + c[0] by Durand-Kerner iteration on all four at once, then Newton steps.
-int real_quartic_roots(const std::array<double, 5>& c, std::array<double, 4>* roots) {
-  double scale = 0;
-  for (double v : c) scale = std::max(scale, std::abs(v));
-  if (!(std::abs(c[4]) > 1e-14 * scale)) return 0;
-  using Complex = std::complex<double>;
-  const auto value = [&](Complex x) { return (((c[4] * x + c[3]) * x + c[2]) * x + c[1]) * x + c[0]; };
-  std::array<Complex, 4> z = {Complex(1, 0), Complex(0.4, 0.9), Complex(-0.65, 0.72), Complex(-0.908, -0.297)};
-  for (int iteration = 0; iteration < 60; ++iteration) {
-    double change = 0;
-    for (int i = 0; i < 4; ++i) {
-      Complex product = c[4];
-      for (int j = 0; j < 4; ++j)
-        if (j != i) product *= z[i] - z[j];
-      const Complex step = value(z[i]) / product;
-      z[i] -= step;
-      change = std::max(change, std::abs(step) / (1.0 + std::abs(z[i])));
-    }
-    if (!(change > 1e-13)) break;
+// Triangles whose height is below this part of their sides are taken as lines.
+constexpr double kMinRelativeHeight = 1e-7;
+// Of the squared side lengths: what a solution may leave unexplained.
+constexpr double kMaxResidual = 1e-9;
+// Chance of stopping before three inliers were drawn together.
+constexpr double kMissProbability = 1e-4;
+
+// A real root of c[3] x^3 + ... + c[0], c[3] not 0: one that is far from the other two.
+double cubic_root(const std::array<double, 4>& c) {
+  const double a = c[2] / c[3], b = c[1] / c[3], d = c[0] / c[3];
+  const double shift = -a / 3, p = b - a * a / 3, q = a * (2 * a * a / 27 - b / 3) + d;  // y^3 + p y + q
+  double x;
+  const double discriminant = q * q / 4 + p * p * p / 27;
+  if (discriminant > 0) {
+    const double u = std::cbrt(-q / 2 - std::copysign(std::sqrt(discriminant), q));
+    x = shift + (u != 0 ? u - p / (3 * u) : 0);
+  } else {
+    // Of three, an outer one, on the side of the larger gap.
+    const double r = std::sqrt(std::max(0.0, -p / 3));
+    const double phi = r > 0 ? std::acos(std::clamp(-q / (2 * r * r * r), -1.0, 1.0)) / 3 : 0;
+    x = shift + (q <= 0 ? 2 * r * std::cos(phi) : 2 * r * std::cos(phi + 2 * M_PI / 3));
   }
-  int n = 0;
-  for (const Complex& root : z) {
-    if (!(std::abs(root.imag()) < 1e-4 * (1.0 + std::abs(root.real())))) continue;
-    double x = root.real();
-    for (int k = 0; k < 2; ++k) {
-      const double slope = ((4 * c[4] * x + 3 * c[3]) * x + 2 * c[2]) * x + c[1];
-      if (std::abs(slope) > 1e-300) x -= value(x).real() / slope;
-    }
-    (*roots)[n++] = x;
+  for (int k = 0; k < 3; ++k) {
+    const double slope = (3 * x + 2 * a) * x + b;
+    if (slope == 0) break;
+    const double step = (((x + a) * x + b) * x + d) / slope;
+    if (!(std::abs(step) < 0.1 * (1 + std::abs(x)))) break;
+    x -= step;
   }
-  return n;
+  return x;
+}
+
+// Its transpose is the inverse times the determinant.
+Eigen::Matrix3d cofactors(const Eigen::Matrix3d& m) {
+  Eigen::Matrix3d out;
+  out.col(0) = m.col(1).cross(m.col(2));
+  out.col(1) = m.col(2).cross(m.col(0));
+  out.col(2) = m.col(0).cross(m.col(1));
+  return out;
 }
 
 // Orthonormal frame of a triangle.
 bool triad(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c, Eigen::Matrix3d* frame) {
-  const Eigen::Vector3d ab = b - a, normal = ab.cross(c - a);
-  if (!(normal.norm() > 1e-9 * ab.squaredNorm())) return false;
+  const Eigen::Vector3d ab = b - a, ac = c - a, normal = ab.cross(ac);
+  const double longest2 = std::max({ab.squaredNorm(), ac.squaredNorm(), (c - b).squaredNorm()});
+  if (!(normal.norm() > kMinRelativeHeight * longest2) || !(ab.squaredNorm() > 0)) return false;
   frame->col(0) = ab.normalized();
   frame->col(2) = normal.normalized();
   frame->col(1) = frame->col(2).cross(frame->col(0));
   return true;
 }
 
+// The law of cosines on the three sides: |l_i r_i - l_j r_j|^2 = side2, sides (0,1), (0,2), (1,2).
+struct Sides {
+  Eigen::Vector3d cosine, side2;
+
+  Eigen::Vector3d residual(const Eigen::Vector3d& l) const {
+    return {l[0] * l[0] + l[1] * l[1] - 2 * cosine[0] * l[0] * l[1] - side2[0],
+            l[0] * l[0] + l[2] * l[2] - 2 * cosine[1] * l[0] * l[2] - side2[1],
+            l[1] * l[1] + l[2] * l[2] - 2 * cosine[2] * l[1] * l[2] - side2[2]};
+  }
+  Eigen::Matrix3d jacobian(const Eigen::Vector3d& l) const {
+    Eigen::Matrix3d j;
+    j << l[0] - cosine[0] * l[1], l[1] - cosine[0] * l[0], 0,  //
+        l[0] - cosine[1] * l[2], 0, l[2] - cosine[1] * l[0],   //
+        0, l[1] - cosine[2] * l[2], l[2] - cosine[2] * l[1];
+    return 2 * j;
+  }
+  // Newton steps as long as they lead closer.
+  void polish(Eigen::Vector3d* l) const {
+    Eigen::Vector3d r = residual(*l);
+    for (int k = 0; k < 5; ++k) {
+      const Eigen::Matrix3d j = jacobian(*l);
+      const double det = j.determinant();
+      if (det == 0) return;
+      const Eigen::Vector3d next = *l - cofactors(j).transpose() * r / det;
+      const Eigen::Vector3d r_next = residual(next);
+      if (!(r_next.squaredNorm() < r.squaredNorm())) return;
+      *l = next;
+      r = r_next;
+    }
+  }
+};
+
+// The quadratic form l^T Q l of one side's law of cosines.
+Eigen::Matrix3d side_form(int i, int j, double cosine) {
+  Eigen::Matrix3d q = Eigen::Matrix3d::Zero();
+  q(i, i) = q(j, j) = 1;
+  q(i, j) = q(j, i) = -cosine;
+  return q;
+}
+
+// Directions of the plane with this normal on which the form vanishes: none or two (equal when they touch).
+int null_directions(const Eigen::Matrix3d& form, const Eigen::Vector3d& normal, std::array<Eigen::Vector3d, 2>* out) {
+  const Eigen::Vector3d p = normal.unitOrthogonal(), q = normal.cross(p).normalized();
+  // a x^2 + 2 b x y + c y^2 on x p + y q.
+  const double a = p.dot(form * p), b = p.dot(form * q), c = q.dot(form * q);
+  const double largest = std::max({std::abs(a), std::abs(b), std::abs(c)});
+  double discriminant = b * b - a * c;
+  if (!(largest > 0) || !(discriminant > -1e-9 * largest * largest)) return 0;
+  const double root = std::sqrt(std::max(0.0, discriminant));
+  const double m = b >= 0 ? -b - root : -b + root;  // roots (x : y) = (m : a) and (c : m)
+  (*out)[0] = m * p + a * q;
+  (*out)[1] = c * p + m * q;
+  if (m == 0 && a == 0) (*out)[0] = p;
+  if (m == 0 && c == 0) (*out)[1] = q;
+  return 2;
+}
+
+// Probability that `count` or more of many independent rare events happen when `expected` do on average (Chernoff's
+// bound on the Poisson distribution), natural logarithm.
+double log_tail(double count, double expected) {
+  if (!(count > expected)) return 0;
+  return expected > 0 ? count - expected - count * std::log(count / expected) : -HUGE_VAL;
+}
+
 }  // namespace
 
 int solve_three_points(const std::array<Eigen::Vector3d, 3>& points, const std::array<Eigen::Vector3d, 3>& rays,
                        std::array<RigidTransform, 4>* poses) {
-  const Eigen::Vector3d f1 = rays[0].normalized(), f2 = rays[1].normalized(), f3 = rays[2].normalized();
-  const double a2 = (points[1] - points[2]).squaredNorm(), b2 = (points[0] - points[2]).squaredNorm(),
-               c2 = (points[0] - points[1]).squaredNorm();
-  if (!(b2 > 0) || !(c2 > 0) || !(a2 > 0)) return 0;
-  const double ca = f2.dot(f3), cb = f1.dot(f3), cg = f1.dot(f2);
-  const double d = (a2 - c2) / b2, s = (a2 + c2) / b2, c2b = c2 / b2, a2b = a2 / b2;
-  // With u = s2 / s1 and v = s3 / s1 (distances along the rays), a quartic in v.
-  const std::array<double, 5> quartic = {
-      (1 + d) * (1 + d) - 4 * a2b * cg * cg,
-      4 * (-d * (1 + d) * cb + 2 * a2b * cg * cg * cb - (1 - s) * ca * cg),
-      2 * (d * d - 1 + 2 * d * d * cb * cb + 2 * (b2 - c2) / b2 * ca * ca - 4 * s * ca * cb * cg + 2 * (b2 - a2) / b2 * cg * cg),
-      4 * (d * (1 - d) * cb - (1 - s) * ca * cg + 2 * c2b * ca * ca * cb),
-      (d - 1) * (d - 1) - 4 * c2b * ca * ca};
-  std::array<double, 4> roots{};
-  const int n_roots = real_quartic_roots(quartic, &roots);
+  std::array<Eigen::Vector3d, 3> r;
+  for (int i = 0; i < 3; ++i) {
+    const double length = rays[i].norm();
+    if (!(length > 0) || !std::isfinite(length) || !points[i].allFinite()) return 0;
+    r[i] = rays[i] / length;
+  }
   Eigen::Matrix3d world_frame;
   if (!triad(points[0], points[1], points[2], &world_frame)) return 0;
+  Sides sides;
+  sides.cosine = {r[0].dot(r[1]), r[0].dot(r[2]), r[1].dot(r[2])};
+  sides.side2 = {(points[0] - points[1]).squaredNorm(), (points[0] - points[2]).squaredNorm(),
+                 (points[1] - points[2]).squaredNorm()};
+  const double unit2 = sides.side2.maxCoeff();
+  sides.side2 /= unit2;
+
+  // Two combinations of the three equations without a constant term: conics that the distances l lie on, up to scale.
+  const Eigen::Matrix3d m01 = side_form(0, 1, sides.cosine[0]), m02 = side_form(0, 2, sides.cosine[1]),
+                        m12 = side_form(1, 2, sides.cosine[2]);
+  Eigen::Matrix3d d1 = m01 * sides.side2[2] - m12 * sides.side2[0], d2 = m02 * sides.side2[2] - m12 * sides.side2[1];
+  // The member d1 + g d2 of their pencil that is a pair of lines.
+  double det1 = d1.determinant(), det2 = d2.determinant();
+  if (std::abs(det1) > std::abs(det2)) {
+    std::swap(d1, d2);
+    std::swap(det1, det2);
+  }
+  double g = 0;
+  if (std::abs(det2) > 0)
+    g = cubic_root({det1, cofactors(d1).cwiseProduct(d2).sum(), cofactors(d2).cwiseProduct(d1).sum(), det2});
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(d1 + g * d2);
+  std::array<int, 3> order = {0, 1, 2};
+  std::sort(order.begin(), order.end(),
+            [&](int i, int j) { return std::abs(eigen.eigenvalues()[i]) > std::abs(eigen.eigenvalues()[j]); });
+  const double large = eigen.eigenvalues()[order[0]], small = eigen.eigenvalues()[order[1]];
+  if (!(std::abs(large) > 0)) return 0;
+  const double ratio = -small / large;
+  if (!(ratio > -1e-9)) return 0;  // lines that are not real
+  const double slope = std::sqrt(std::max(0.0, ratio));
   int n = 0;
-  for (int k = 0; k < n_roots; ++k) {
-    const double v = roots[k];
-    const double denominator = 2 * (cg - v * ca);
-    if (!(v > 0) || std::abs(denominator) < 1e-12) continue;
-    const double u = ((-1 + d) * v * v - 2 * d * cb * v + 1 + d) / denominator;
-    const double length2 = 1 + v * v - 2 * v * cb;
-    if (!(u > 0) || !(length2 > 0)) continue;
-    const double s1 = std::sqrt(b2 / length2);
-    const Eigen::Vector3d p1 = s1 * f1, p2 = u * s1 * f2, p3 = v * s1 * f3;
-    Eigen::Matrix3d camera_frame;
-    if (!triad(p1, p2, p3, &camera_frame)) continue;
-    RigidTransform pose;
-    pose.R = camera_frame * world_frame.transpose();
-    pose.t = p1 - pose.R * points[0];
-    (*poses)[n++] = pose;
+  std::array<Eigen::Vector3d, 4> found;
+  for (double sign : {1.0, -1.0}) {
+    const Eigen::Vector3d normal =
+        (eigen.eigenvectors().col(order[0]) + sign * slope * eigen.eigenvectors().col(order[1])).normalized();
+    // On the line both conics are the same up to scale: the one that is further from vanishing there says more.
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - normal * normal.transpose();
+    const bool first = (across * d1 * across).squaredNorm() > (across * d2 * across).squaredNorm();
+    std::array<Eigen::Vector3d, 2> directions;
+    const int n_directions = null_directions(first ? d1 : d2, normal, &directions);
+    for (int k = 0; k < n_directions; ++k) {
+      Eigen::Vector3d l = directions[k];
+      if (l.sum() < 0) l = -l;
+      const double size2 = l.dot((m01 + m02 + m12) * l);
+      if (!(l.minCoeff() > 0) || !(size2 > 0)) continue;
+      l *= std::sqrt(sides.side2.sum() / size2);
+      sides.polish(&l);
+      if (!(l.minCoeff() > 0) || !(sides.residual(l).cwiseAbs().maxCoeff() < kMaxResidual)) continue;
+      bool known = false;
+      for (int j = 0; j < n; ++j) known |= (found[j] - l).squaredNorm() < 1e-24 * l.squaredNorm();
+      if (known) continue;
+      const Eigen::Vector3d lengths = std::sqrt(unit2) * l;
+      const Eigen::Vector3d p0 = lengths[0] * r[0];
+      Eigen::Matrix3d camera_frame;
+      if (!triad(p0, lengths[1] * r[1], lengths[2] * r[2], &camera_frame)) continue;
+      found[n] = l;
+      RigidTransform& pose = (*poses)[n++];
+      pose.R = camera_frame * world_frame.transpose();
+      pose.t = p0 - pose.R * points[0];
+    }
   }
   return n;
 }
@@ -97,54 +204,64 @@ AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<con
   AbsolutePoseSummary summary;
   std::vector<PoseObservation> usable;
   std::vector<Eigen::Vector3d> rays;
+  double by_chance = 0;  // inliers of a pose that has nothing to do with the image
+  const double area = static_cast<double>(camera.width()) * camera.height();
   for (const PoseObservation& m : matches) {
     Eigen::Vector3d ray;
-    if (!camera.unproject(m.pixel, &ray)) continue;
+    if (!m.point.allFinite() || !m.pixel.allFinite() || !(m.sigma_px > 0) || !camera.unproject(m.pixel, &ray)) continue;
     usable.push_back(m);
     rays.push_back(ray);
+    const double limit = options.inlier_sigmas * m.sigma_px;
+    by_chance += std::min(1.0, M_PI * limit * limit / area);
   }
   const std::size_t n = usable.size();
   if (n < static_cast<std::size_t>(std::max(4, options.min_inliers))) return summary;
-  const auto inliers_of = [&](const RigidTransform& pose, std::vector<PoseObservation>* kept) {
-    int count = 0;
+  // Gives up (and returns less) once `to_beat` is out of reach.
+  const auto inliers_of = [&](const RigidTransform& pose, int to_beat, std::vector<PoseObservation>* kept) {
+    int count = 0, left = static_cast<int>(n);
     for (const PoseObservation& m : usable) {
+      if (count + left-- <= to_beat) break;
       Eigen::Vector2d pixel;
       if (!camera.project(pose * m.point, &pixel)) continue;
       const double limit = options.inlier_sigmas * m.sigma_px;
-      if ((pixel - m.pixel).squaredNorm() > limit * limit) continue;
+      if (!((pixel - m.pixel).squaredNorm() <= limit * limit)) continue;
       ++count;
       if (kept) kept->push_back(m);
     }
     return count;
   };
   RigidTransform best;
-  int most = 0;
-  // Stops once a sample of three inliers has been drawn with near certainty.
+  int most = 0, tried = 0;
   double needed = options.max_hypotheses;
   for (int k = 0; k < options.max_hypotheses && k < needed; ++k) {
-    std::array<std::size_t, 3> pick{};
-    for (std::size_t i = 0; i < 3; ++i) pick[i] = static_cast<std::size_t>((*rng)() % n);
-    if (pick[0] == pick[1] || pick[0] == pick[2] || pick[1] == pick[2]) continue;
+    // Three different ones.
+    std::array<std::size_t, 3> pick = {(*rng)() % n, (*rng)() % (n - 1), (*rng)() % (n - 2)};
+    if (pick[1] >= pick[0]) ++pick[1];
+    for (std::size_t other : {std::min(pick[0], pick[1]), std::max(pick[0], pick[1])})
+      if (pick[2] >= other) ++pick[2];
     std::array<RigidTransform, 4> poses;
     const int solutions = solve_three_points({usable[pick[0]].point, usable[pick[1]].point, usable[pick[2]].point},
                                              {rays[pick[0]], rays[pick[1]], rays[pick[2]]}, &poses);
     for (int s = 0; s < solutions; ++s) {
-      const int count = inliers_of(poses[s], nullptr);
+      ++tried;
+      const int count = inliers_of(poses[s], most, nullptr);
       if (count <= most) continue;
       most = count;
       best = poses[s];
       const double part = static_cast<double>(most) / static_cast<double>(n);
-      needed = std::log(1e-3) / std::log1p(-std::min(0.999, part * part * part));
+      needed = std::log(kMissProbability) / std::log1p(-std::min(0.999, part * part * part));
     }
   }
   if (most < options.min_inliers) return summary;
   for (int round = 0; round < 2; ++round) {
     std::vector<PoseObservation> kept;
-    inliers_of(best, &kept);
+    inliers_of(best, -1, &kept);
     if (!refine_pose(camera, kept, PoseOptions{}, &best).ok) return summary;
   }
-  summary.inliers = inliers_of(best, nullptr);
-  summary.ok = summary.inliers >= options.min_inliers;
+  summary.inliers = inliers_of(best, -1, nullptr);
+  // The three that made the hypothesis agree anyway.
+  const double log_false_alarm = std::log(std::max(1, tried)) + log_tail(summary.inliers - 3, by_chance);
+  summary.ok = summary.inliers >= options.min_inliers && log_false_alarm <= std::log(options.max_false_alarm);
   if (summary.ok) *camera_from_world = best;
   return summary;
 }

@@ -1,5 +1,6 @@
-// The camera pose from 2D-3D matches without a prior: three-point algorithm (Grunert 1841, in the form of Haralick et al., IJCV
-// 1994) in RANSAC (Fischler and Bolles 1981), refined by iteratively re-weighted least squares.
+// The camera pose from 2D-3D matches without a prior: the three-point problem (Grunert 1841) solved as the intersection
+// of two conics (Finsterwalder 1903; Haralick et al., IJCV 1994) in RANSAC (Fischler and Bolles 1981), refined by
+// iteratively re-weighted least squares. Frames: points in the world, pixels of level 0.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,15 +13,19 @@
 
 namespace parallax {
 
-// Poses camera_from_world that put the three points (world, not on one line) onto the three rays (camera, any length, z
-// forward). At most four; returns how many.
+// Poses camera_from_world that put the three points (world, not on one line) onto the three rays (camera, any length),
+// in front of the camera along the ray. At most four, each meets the three rays to rounding; returns how many. 0 for
+// triples that are degenerate (points on one line or coincident, a ray without direction, anything not finite).
 int solve_three_points(const std::array<Eigen::Vector3d, 3>& points, const std::array<Eigen::Vector3d, 3>& rays,
                        std::array<RigidTransform, 4>* poses);
 
 struct AbsolutePoseOptions {
   int max_hypotheses = 300;
-  double inlier_sigmas = 4.0;   // a match agrees within so many of its own sigma_px
+  double inlier_sigmas = 4.0;  // a match agrees within so many of its own sigma_px
   int min_inliers = 12;
+  // Probability that as many matches agree by chance, over all hypotheses tried, above which the pose is refused
+  // (a-contrario RANSAC, Moisan and Stival, IJCV 2004; pixels of wrong matches taken as spread over the image).
+  double max_false_alarm = 1e-4;
 };
 
 struct AbsolutePoseSummary {
@@ -28,7 +33,8 @@ struct AbsolutePoseSummary {
   int inliers = 0;
 };
 
-// Deterministic for a given generator state. Thread-safe. The pose is written only when ok.
+// Deterministic for a given generator state. Thread-safe. Matches that are not finite, or outside the lens's domain,
+// are left out. The pose is written only when ok.
 AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<const PoseObservation> matches,
                                         const AbsolutePoseOptions& options, std::mt19937_64* rng,
                                         RigidTransform* camera_from_world);

@@ -1,22 +1,13 @@
 #include "tracker/patch_search.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace parallax {
 namespace {
 
 // A sub-pixel match whose residual is above this (grey levels rms), and above its share of the template's contrast, is
 // something else.
-constexpr float kMaxRms = 22.0f;
-constexpr float kMaxRmsPart = 0.6f;
-constexpr float kNoiseRms = 7.0f;
-
-bool looks_alike(const AlignmentResult& result, const PatchTemplate& t) {
-  const float energy = static_cast<float>(t.sum_squares) - static_cast<float>(t.sum) * static_cast<float>(t.sum) / kPatchPixels;
-  const float contrast = std::sqrt(std::max(0.0f, energy / kPatchPixels));
-  return result.rms_residual < std::min(kMaxRms, std::max(kNoiseRms, kMaxRmsPart * contrast));
-}
+constexpr ResemblanceLimits kResemblance = {.max_rms = 22.0f, .part = 0.6f, .noise_rms = 7.0f};
 
 }  // namespace
 
@@ -60,7 +51,7 @@ PatchMatch PatchSearch::find(const TrackingSnapshot& map, const Candidate& candi
   } else if (align_directly) {
     result = align_patch(patch.alignment, frame.pyramid.level[level], centre);
   }
-  if (!result.converged || !looks_alike(result, patch.search)) return match;
+  if (!result.converged || !resembles(result, patch.search, kResemblance)) return match;
   match.pixel = level_to_level0(result.position, level);
   match.sigma_px = level_scale(level);
   match.found = (match.pixel - candidate.pixel).norm() <= radius_px + 2 * level_scale(level);

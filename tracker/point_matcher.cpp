@@ -3,14 +3,18 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/descriptor_search.h"
+
 namespace parallax {
 namespace {
 
 // Corners of the frame described per level: coarse ones survive blur, fine ones are exact.
 constexpr std::array<int, kPyramidLevels> kCorners = {350, 350, 200, 80};
-constexpr int kMaxDistance = 64;        // bits of 256
-constexpr double kRatio = 0.85;         // nearest to second nearest
-constexpr int kCell = 20;               // corners are spread over cells of this size, pixels of the level
+constexpr int kMaxDistance = 64;   // bits of 256
+constexpr int kRatioPercent = 85;  // nearest to the nearest of another place
+constexpr double kSamePlace =
+    0.02;                  // points so near each other, in parts of the depth they were seen at, are one place
+constexpr int kCell = 20;  // corners are spread over cells of this size, pixels of the level
 
 struct FrameCorner {
   BinaryDescriptor descriptor;
@@ -28,14 +32,16 @@ std::vector<FrameCorner> describe_frame(const FrameImages& frame) {
       int rank;
     };
     std::vector<Scored> scored;
-    for (const Corner& c : maximal_corners(image, frame.corners[level])) scored.push_back({c, shi_tomasi_score(image, c.x, c.y), 0});
+    for (const Corner& c : maximal_corners(image, frame.corners[level]))
+      scored.push_back({c, shi_tomasi_score(image, c.x, c.y), 0});
     std::sort(scored.begin(), scored.end(), [](const Scored& a, const Scored& b) {
       if (a.score != b.score) return a.score > b.score;
       return a.corner.y != b.corner.y ? a.corner.y < b.corner.y : a.corner.x < b.corner.x;
     });
     const int columns = image.cols / kCell + 1;
     std::vector<int> in_cell(static_cast<std::size_t>(columns) * (image.rows / kCell + 1), 0);
-    for (Scored& s : scored) s.rank = in_cell[static_cast<std::size_t>(s.corner.y / kCell) * columns + s.corner.x / kCell]++;
+    for (Scored& s : scored)
+      s.rank = in_cell[static_cast<std::size_t>(s.corner.y / kCell) * columns + s.corner.x / kCell]++;
     std::stable_sort(scored.begin(), scored.end(), [](const Scored& a, const Scored& b) { return a.rank < b.rank; });
     const GreyImage smooth = smooth_for_descriptors(image);
     int taken = 0;
@@ -54,13 +60,26 @@ std::vector<FrameCorner> describe_frame(const FrameImages& frame) {
 
 }  // namespace
 
+bool PointMatcher::is_current(const Described& entry, const TrackingSnapshot& map, int row) const {
+  return entry.source == map.keyframes[map.source[row]].id && entry.source_level == map.source_level[row] &&
+         entry.source_pixel == map.source_pixel[row];
+}
+
 bool PointMatcher::prepare(const TrackingSnapshot& map, int max_keyframes) {
+  if (map.map_version != map_version_) clear();
+  map_version_ = map.map_version;
   std::vector<std::vector<int>> missing(map.keyframes.size());
+  std::size_t known = 0;
   for (int row = 0; row < map.size(); ++row) {
     const auto it = described_.find(map.id[row].index);
-    const bool known = it != described_.end() && it->second.source == map.keyframes[map.source[row]].id &&
-                       it->second.source_pixel == map.source_pixel[row];
-    if (!known) missing[map.source[row]].push_back(row);
+    if (it != described_.end()) ++known;
+    if (it == described_.end() || !is_current(it->second, map, row)) missing[map.source[row]].push_back(row);
+  }
+  if (described_.size() > 2 * known + 1000) {  // most were deleted since
+    std::unordered_map<std::int32_t, Described> kept;
+    for (const PointId id : map.id)
+      if (const auto it = described_.find(id.index); it != described_.end()) kept.insert(*it);
+    described_ = std::move(kept);
   }
   int done = 0;
   for (std::size_t k = 0; k < missing.size() && done < max_keyframes; ++k) {
@@ -74,6 +93,7 @@ bool PointMatcher::prepare(const TrackingSnapshot& map, int max_keyframes) {
       if (smooth[level].empty()) smooth[level] = smooth_for_descriptors(image);
       Described entry;
       entry.source = source.id;
+      entry.source_level = level;
       entry.source_pixel = map.source_pixel[row];
       entry.ok = describe_corner(image, smooth[level], static_cast<int>(std::lround(entry.source_pixel.x())),
                                  static_cast<int>(std::lround(entry.source_pixel.y())), &entry.descriptor);
@@ -84,49 +104,52 @@ bool PointMatcher::prepare(const TrackingSnapshot& map, int max_keyframes) {
 }
 
 std::vector<PoseObservation> PointMatcher::match(const TrackingSnapshot& map, const FrameImages& frame) const {
-  const std::vector<FrameCorner> corners = describe_frame(frame);
-  struct Point {
-    BinaryDescriptor descriptor;
-    int row;
-  };
-  std::vector<Point> points;
+  if (map.map_version != map_version_) return {};
+  std::vector<BinaryDescriptor> descriptors;
+  std::vector<int> rows;
   for (int row = 0; row < map.size(); ++row) {
     const auto it = described_.find(map.id[row].index);
-    if (it != described_.end() && it->second.ok) points.push_back({it->second.descriptor, row});
+    if (it == described_.end() || !it->second.ok || !is_current(it->second, map, row)) continue;
+    descriptors.push_back(it->second.descriptor);
+    rows.push_back(row);
   }
+  if (rows.empty()) return {};
+  const DescriptorSet points(descriptors);
+  const std::vector<FrameCorner> corners = describe_frame(frame);
   // For each corner its nearest point; a point keeps its nearest corner.
   struct Best {
     int distance = kMaxDistance + 1;
     int corner = -1;
   };
-  std::vector<Best> best_of_point(points.size());
+  std::vector<Best> best_of_point(rows.size());
+  std::vector<std::uint16_t> distances;
   for (std::size_t c = 0; c < corners.size(); ++c) {
-    int first = 257, second = 257;
-    std::size_t nearest = 0;
-    for (std::size_t p = 0; p < points.size(); ++p) {
-      const int distance = hamming(corners[c].descriptor, points[p].descriptor);
-      if (distance < first) {
-        // The same spot mapped twice (two levels, two keyframes) is no rival.
-        second = points.empty() || first > 256 ||
-                         (map.position[points[p].row] - map.position[points[nearest].row]).norm() >
-                             0.02 * map.keyframes.front().mean_depth
-                     ? first
-                     : second;
-        first = distance;
-        nearest = p;
-      } else if (distance < second && (map.position[points[p].row] - map.position[points[nearest].row]).norm() >
-                                          0.02 * map.keyframes.front().mean_depth) {
-        second = distance;
-      }
+    const int first = points.distances(corners[c].descriptor, &distances);
+    if (first > kMaxDistance) continue;
+    const auto nearest = static_cast<std::size_t>(
+        std::find(distances.begin(), distances.end(), static_cast<std::uint16_t>(first)) - distances.begin());
+    if (first >= best_of_point[nearest].distance) continue;
+    // No rival may come as near as this; the same place mapped twice (two levels, two keyframes) is none.
+    const auto too_near = static_cast<std::uint16_t>((100 * first - 1) / kRatioPercent);
+    const Eigen::Vector3d& place = map.position[rows[nearest]];
+    const double reach = kSamePlace * map.keyframes[map.source[rows[nearest]]].mean_depth;
+    bool clear_winner = true;
+    for (std::size_t block = 0; block < distances.size() && clear_winner; block += DescriptorSet::kBlock) {
+      std::uint16_t any = 0;
+      for (std::size_t p = block; p < block + DescriptorSet::kBlock; ++p)
+        any = static_cast<std::uint16_t>(any | (distances[p] <= too_near));
+      if (!any) continue;
+      for (std::size_t p = block; p < std::min(block + DescriptorSet::kBlock, rows.size()); ++p)
+        if (distances[p] <= too_near && (map.position[rows[p]] - place).squaredNorm() > reach * reach)
+          clear_winner = false;
     }
-    if (first > kMaxDistance || first > kRatio * second) continue;
-    if (first < best_of_point[nearest].distance) best_of_point[nearest] = {first, static_cast<int>(c)};
+    if (clear_winner) best_of_point[nearest] = {first, static_cast<int>(c)};
   }
   std::vector<PoseObservation> out;
-  for (std::size_t p = 0; p < points.size(); ++p) {
+  for (std::size_t p = 0; p < rows.size(); ++p) {
     if (best_of_point[p].corner < 0) continue;
     const FrameCorner& corner = corners[static_cast<std::size_t>(best_of_point[p].corner)];
-    out.push_back({map.position[points[p].row], corner.pixel, level_scale(corner.level)});
+    out.push_back({map.position[rows[p]], corner.pixel, level_scale(corner.level)});
   }
   return out;
 }

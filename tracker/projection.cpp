@@ -47,6 +47,68 @@ std::uint32_t scramble(std::uint32_t v) {
   return v ^ (v >> 16);
 }
 
+// The grid that choices are spread over.
+constexpr int kColumns = 12, kRows = 9, kCells = kColumns * kRows;
+
+int cell_of(double u, double v, int width, int height) {
+  const int cx = std::clamp(static_cast<int>(u * kColumns / width), 0, kColumns - 1);
+  const int cy = std::clamp(static_cast<int>(v * kRows / height), 0, kRows - 1);
+  return cy * kColumns + cx;
+}
+
+// Well-measured points first (in coarse classes), then a fixed scrambled order.
+std::uint32_t order_of(const TrackingSnapshot& map, int row) {
+  const std::uint32_t unknown = map.quality[row] >= 3 ? 0u : 1u;
+  return (unknown << 31) | (scramble(static_cast<std::uint32_t>(map.id[row].index)) >> 1);
+}
+
+struct Entry {
+  std::uint32_t order;
+  int index;
+  bool operator<(const Entry& other) const { return order != other.order ? order < other.order : index < other.index; }
+};
+
+// The indices of `max_count` of the entries, ascending: every cell gives its first in order before any gives its
+// second. cell[i] belongs to entry i. Only as much is sorted as decides.
+void share_out(const std::vector<Entry>& entries, const std::vector<std::uint8_t>& cell, int max_count,
+               std::vector<int>* chosen) {
+  chosen->clear();
+  std::array<int, kCells + 1> begin{};
+  for (std::uint8_t c : cell) ++begin[c + 1];
+  // How many a cell may give: the largest number with which all together give no more than max_count.
+  std::array<int, kCells> size{};
+  for (int c = 0; c < kCells; ++c) size[c] = begin[c + 1];
+  const auto given = [&](int limit) {
+    int sum = 0;
+    for (int n : size) sum += std::min(n, limit);
+    return sum;
+  };
+  int limit = 0, too_many = static_cast<int>(entries.size()) + 1;
+  while (too_many - limit > 1) {
+    const int middle = limit + (too_many - limit) / 2;
+    (given(middle) <= max_count ? limit : too_many) = middle;
+  }
+  for (int c = 0; c < kCells; ++c) begin[c + 1] += begin[c];
+  thread_local std::vector<Entry> of_cell, next;
+  of_cell.resize(entries.size());
+  std::array<int, kCells> fill{};
+  for (std::size_t i = 0; i < entries.size(); ++i) of_cell[begin[cell[i]] + fill[cell[i]]++] = entries[i];
+  next.clear();
+  for (int c = 0; c < kCells; ++c) {
+    const auto first = of_cell.begin() + begin[c], last = of_cell.begin() + begin[c + 1];
+    const auto end = first + std::min(size[c], limit);
+    if (end != last) {
+      std::nth_element(first, end, last);
+      next.push_back(*end);  // the one that this cell would give next
+    }
+    for (auto it = first; it != end; ++it) chosen->push_back(it->index);
+  }
+  const auto left = std::min(next.size(), static_cast<std::size_t>(max_count) - chosen->size());
+  std::sort(next.begin(), next.end());
+  for (std::size_t k = 0; k < left; ++k) chosen->push_back(next[k].index);
+  std::sort(chosen->begin(), chosen->end());
+}
+
 }  // namespace
 
 bool MapProjector::project_one(const TrackingSnapshot& map, int row, const RigidTransform& camera_from_world,
@@ -81,10 +143,41 @@ void MapProjector::project(const TrackingSnapshot& map, const RigidTransform& ca
   a.max_radius2 = static_cast<float>(camera_.max_radius_squared());
   a.min_cosine2 = static_cast<float>(min_view_cosine_ * min_view_cosine_);
   cull(map.x.data(), map.y.data(), map.z.data(), map.nx.data(), map.ny.data(), map.nz.data(), n, a, in_view_.data());
+  rows_.clear();
+  for (int row = 0; row < n; ++row)
+    if (in_view_[row]) rows_.push_back(row);
+  if (static_cast<int>(rows_.size()) > max_candidates_) thin_out(map, a.R, a.t);
   Candidate candidate;
-  for (int row = 0; row < n; ++row) {
-    if (in_view_[row] && project_one(map, row, camera_from_world, &candidate)) out->push_back(candidate);
+  for (int row : rows_) {
+    if (project_one(map, row, camera_from_world, &candidate)) out->push_back(candidate);
   }
+}
+
+// In single precision; what is near the border stays, for project_one() to decide.
+void MapProjector::thin_out(const TrackingSnapshot& map, const float* R, const float* t) {
+  constexpr float kNearBorder = static_cast<float>(kHalfPatch) - 0.1f;
+  const std::size_t n = rows_.size();
+  for (auto* v : {&x_, &y_, &z_, &u_, &v_}) v->resize(n);
+  in_view_.resize(std::max(in_view_.size(), n));
+  for (std::size_t i = 0; i < n; ++i) {
+    const int row = rows_[i];
+    const float x = map.x[row], y = map.y[row], z = map.z[row];
+    x_[i] = R[0] * x + R[1] * y + R[2] * z + t[0];
+    y_[i] = R[3] * x + R[4] * y + R[5] * z + t[1];
+    z_[i] = R[6] * x + R[7] * y + R[8] * z + t[2];
+  }
+  camera_.project_batch(x_.data(), y_.data(), z_.data(), static_cast<int>(n), kNearBorder, u_.data(), v_.data(),
+                        in_view_.data());
+  thread_local std::vector<Entry> entries;
+  entries.clear();
+  cell_.clear();
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!in_view_[i]) continue;
+    entries.push_back({order_of(map, rows_[i]), rows_[i]});
+    cell_.push_back(static_cast<std::uint8_t>(
+        cell_of(static_cast<double>(u_[i]), static_cast<double>(v_[i]), camera_.width(), camera_.height())));
+  }
+  share_out(entries, cell_, max_candidates_, &rows_);
 }
 
 void choose_spread(const std::vector<Candidate>& candidates, const TrackingSnapshot& map, int width, int height,
@@ -95,40 +188,17 @@ void choose_spread(const std::vector<Candidate>& candidates, const TrackingSnaps
     for (int i = 0; i < n; ++i) chosen->push_back(i);
     return;
   }
-  constexpr int kColumns = 12, kRows = 9;
-  std::array<int, kColumns * kRows> count{};
-  struct Entry {
-    std::uint32_t order;
-    int index;
-    int cell;
-  };
+  if (max_count <= 0) return;
   thread_local std::vector<Entry> entries;
-  entries.resize(static_cast<std::size_t>(n));
+  thread_local std::vector<std::uint8_t> cell;
+  entries.clear();
+  cell.clear();
   for (int i = 0; i < n; ++i) {
     const Candidate& c = candidates[i];
-    const int cx = std::clamp(static_cast<int>(c.pixel.x() * kColumns / width), 0, kColumns - 1);
-    const int cy = std::clamp(static_cast<int>(c.pixel.y() * kRows / height), 0, kRows - 1);
-    // Well-measured points first (in coarse classes), then a fixed scrambled order.
-    const std::uint32_t unknown = map.quality[c.row] >= 3 ? 0u : 1u;
-    entries[i] = {(unknown << 31) | (scramble(static_cast<std::uint32_t>(map.id[c.row].index)) >> 1), i, cy * kColumns + cx};
+    entries.push_back({order_of(map, c.row), i});
+    cell.push_back(static_cast<std::uint8_t>(cell_of(c.pixel.x(), c.pixel.y(), width, height)));
   }
-  std::sort(entries.begin(), entries.end(), [](const Entry& l, const Entry& r) { return l.order < r.order; });
-  // Rank within the cell; the lowest ranks over all cells are taken.
-  std::vector<int> of_rank;
-  thread_local std::vector<int> rank;
-  rank.resize(static_cast<std::size_t>(n));
-  for (int k = 0; k < n; ++k) {
-    rank[k] = count[entries[k].cell]++;
-    if (rank[k] >= static_cast<int>(of_rank.size())) of_rank.resize(static_cast<std::size_t>(rank[k]) + 1, 0);
-    ++of_rank[rank[k]];
-  }
-  int limit = 0, taken = 0;
-  while (limit < static_cast<int>(of_rank.size()) && taken + of_rank[limit] <= max_count) taken += of_rank[limit++];
-  int left = max_count - taken;
-  for (int k = 0; k < n; ++k) {
-    if (rank[k] < limit || (rank[k] == limit && left-- > 0)) chosen->push_back(entries[k].index);
-  }
-  std::sort(chosen->begin(), chosen->end());
+  share_out(entries, cell, max_count, chosen);
 }
 
 }  // namespace parallax

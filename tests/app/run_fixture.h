@@ -3,14 +3,19 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/support/process.h"
 
 namespace parallax::testing {
 
 // In lockstep unless the arguments say otherwise, and ended after a while: a program that hangs exits with 124.
 inline ProcessResult parallax_run(const std::vector<std::string>& arguments) {
-  std::vector<std::string> words{"--kill-after=5", "240", PARALLAX_BINARY, "run", "--pace", "lockstep"};
+  std::vector<std::string> words{"--kill-after=5", "240", PARALLAX_BINARY, "run"};
   words.insert(words.end(), arguments.begin(), arguments.end());
+  if (std::find(arguments.begin(), arguments.end(), "--pace") == arguments.end()) {
+    words.insert(words.end(), {"--pace", "lockstep"});
+  }
   return run_process("/usr/bin/timeout", words);
 }
 

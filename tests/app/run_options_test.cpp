@@ -27,7 +27,7 @@ TEST(RunOptions, FrameRange) {
   expect_one_line(parallax_run({"synthetic:desk", "--frames-limit", "-5"}), 2, "--frames-limit");
   expect_one_line(parallax_run({"synthetic:desk", "--frames-limit", "many"}), 2, "--frames-limit");
   expect_one_line(parallax_run({"synthetic:desk", "--threads", "0"}), 2, "--threads");
-  expect_one_line(parallax_run({"synthetic:desk", "--pace", "brisk"}), 2, "--pace");
+  expect_one_line(parallax_run({"synthetic:desk", "--pace", "brisk"}), 2, "brisk");
 }
 
 TEST(RunOptions, Settings) {

@@ -1,5 +1,6 @@
 // Accuracy on the development recordings, as limits that fail: a change that makes tracking worse shows here.
 #include <filesystem>
+#include <ostream>
 
 #include "tests/e2e/program_run.h"
 
@@ -14,6 +15,9 @@ struct Expectation {
   double tracked;
   bool never_lost;
 };
+
+// What the lists of tests show.
+std::ostream& operator<<(std::ostream& out, const Expectation& e) { return out << e.recording << " --init " << e.init; }
 
 std::string folder_of(const char* recording) { return std::string(PARALLAX_DATA_DIR) + "/" + recording; }
 

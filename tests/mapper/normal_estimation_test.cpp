@@ -26,7 +26,7 @@ class SlantedPlane {
     cv::Mat1f texture(512, 512);
     cv::RNG rng(7);
     rng.fill(texture, cv::RNG::NORMAL, 0, 1);
-    cv::GaussianBlur(texture, texture, {}, 1.8, 1.8, cv::BORDER_WRAP);
+    cv::GaussianBlur(texture, texture, {}, 1.8, 1.8, cv::BORDER_REFLECT);
     cv::Scalar mean, deviation;
     cv::meanStdDev(texture, mean, deviation);
     texture_ = texture * (38.0 / deviation[0]) + 128.0;
