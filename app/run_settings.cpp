@@ -47,6 +47,8 @@ std::map<std::string, Target> targets_of(RunOptions* options) {
       {"mapper.max_new_points_1", &m.max_new_points[1]},
       {"mapper.max_new_points_2", &m.max_new_points[2]},
       {"mapper.max_new_points_3", &m.max_new_points[3]},
+      {"mapper.estimate_normals", &m.estimate_normals},
+      {"mapper.remeasure", &m.remeasure},
       {"mapper.wanted_points", &m.wanted_points},
       {"mapper.min_spacing_px", &m.min_spacing_px},
       {"mapper.epipolar_band_px", &m.epipolar_band_px},

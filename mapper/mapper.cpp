@@ -132,10 +132,11 @@ bool Mapper::work() {
     statistics_.points_merged += merged;
     if (merged > 0) association_pending_ = true;
     const std::stop_token interrupt = inbox_->interrupt_token();
-    const std::vector<PointId> turned = normals_.estimate(map_, interrupt);
+    const std::vector<PointId> turned =
+        options_.estimate_normals ? normals_.estimate(map_, interrupt) : std::vector<PointId>();
     // What was measured with the old warp is measured again; that takes one more adjustment, and no more than one a
     // keyframe.
-    const int repeated = remeasure_points(map_, camera_, options_, turned, interrupt);
+    const int repeated = options_.remeasure ? remeasure_points(map_, camera_, options_, turned, interrupt) : 0;
     statistics_.normals_changed += static_cast<int>(turned.size());
     statistics_.measurements_repeated += repeated;
     if (repeated > 0) global_pending_ = true;

@@ -40,6 +40,9 @@ struct MapperOptions {
   double min_sigma = 0.2;                // lower bound of the robust scale, in units of a measurement's sigma
   int threads = 1;                       // of a solve
 
+  bool estimate_normals = true;          // online patch normals (PTAM §8.2 asks for them)
+  bool remeasure = true;                 // points whose normal changed are measured again
+
   // Points that are wrong.
   int bad_after_outliers = 20;           // outliers of the tracked pose, when they are also the larger part
   int bad_after_searches = 60;           // searched so often and found in less than min_found_part

@@ -11,6 +11,8 @@ namespace {
 constexpr double kMinRelativeHeight = 1e-7;
 // Of the squared side lengths: what a solution may leave unexplained.
 constexpr double kMaxResidual = 1e-9;
+// Points nearer to the camera than this part of the longest side are none: their direction is lost in rounding.
+constexpr double kMinDistance = 1e-4;
 // Chance of stopping before three inliers were drawn together.
 constexpr double kMissProbability = 1e-4;
 
@@ -181,7 +183,7 @@ int solve_three_points(const std::array<Eigen::Vector3d, 3>& points, const std::
       if (!(l.minCoeff() > 0) || !(size2 > 0)) continue;
       l *= std::sqrt(sides.side2.sum() / size2);
       sides.polish(&l);
-      if (!(l.minCoeff() > 0) || !(sides.residual(l).cwiseAbs().maxCoeff() < kMaxResidual)) continue;
+      if (!(l.minCoeff() > kMinDistance) || !(sides.residual(l).cwiseAbs().maxCoeff() < kMaxResidual)) continue;
       bool known = false;
       for (int j = 0; j < n; ++j) known |= (found[j] - l).squaredNorm() < 1e-24 * l.squaredNorm();
       if (known) continue;

@@ -93,7 +93,8 @@ TEST(Initialiser, MakesATrueMapTenCentimetresWide) {
     if (std::abs(true_place[i].z()) < 1e-6) height.push_back(mine[i].z());
   }
   std::sort(errors.begin(), errors.end());
-  EXPECT_LT(errors[errors.size() / 2], 0.008);
+  // A standard deviation of 0.15 px at both ends is worth 6 mm of depth at 0.8 m.
+  EXPECT_LT(errors[errors.size() / 2], 0.012);
 
   // The table top is z = 0, seen from above.
   EXPECT_GT((true_from_map.R * Eigen::Vector3d::UnitZ()).z(), 0.985);
