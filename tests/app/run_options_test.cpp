@@ -7,7 +7,7 @@ namespace {
 
 TEST(RunOptions, InitForms) {
   for (const std::string init :
-       {"5", "5,", ",5", "x", "1,2,3", "-3,7", "7,7", "9,3", "99999999999,3", "1;5", "", "AUTO", "1.5,20", "0x1,20"}) {
+       {"5", "5,", ",5", "x", "1,2,3", "-3,7", "7,7", "9,3", "99999999999,3", "1;5", "AUTO", "1.5,20", "0x1,20"}) {
     SCOPED_TRACE(init);
     expect_one_line(parallax_run({"synthetic:desk", "--init=" + init}), 2, "--init");
   }

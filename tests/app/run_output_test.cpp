@@ -53,7 +53,7 @@ TEST_P(RunOutput, DiskThatGetsFull) {
   folder.write("out", "what was there");
   ProcessResult result;
   {
-    const FileSizeLimit limit(600);
+    const FileSizeLimit limit(200);
     result = parallax_run(tracked_with({GetParam(), folder.file("out")}));
   }
   expect_one_line(result, 1, folder.file("out") + ": cannot be written");

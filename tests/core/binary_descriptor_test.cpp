@@ -20,7 +20,7 @@ constexpr int kSize = 81, kCentre = 40;
 // One place: a bright wedge with its tip at the origin, on a texture of its own. Known at every real position.
 class Place {
  public:
-  explicit Place(std::uint32_t seed) : random_(seed), texture_(&random_, 7.0, 40.0, 24, 16.0) {
+  explicit Place(std::uint32_t seed) : random_(seed), texture_(&random_, 9.0, 30.0, 24, 40.0) {
     std::uniform_real_distribution<double> unit(0, 1);
     direction_ = 2 * M_PI * unit(random_);
     opening_ = 0.5 + 0.8 * unit(random_);
@@ -28,7 +28,7 @@ class Place {
   double operator()(double x, double y) const {
     const double off = std::abs(std::remainder(std::atan2(y, x) - direction_, 2 * M_PI));
     const double inside = std::clamp((opening_ - off) * std::hypot(x, y) + 0.5, 0.0, 1.0);  // one pixel soft
-    return 0.6 * texture_(x + 200, y + 200) + 90 * inside - 20;
+    return 0.8 * texture_(x, y) + 50 * inside;
   }
 
  private:

@@ -1,8 +1,10 @@
 // check_consistency() finds each kind of fault, by breaking a sound map on purpose.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 #include <limits>
+#include <string>
 
 #include "tests/map/fabricated_map.h"
 

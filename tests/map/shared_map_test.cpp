@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <atomic>
+#include <stdexcept>
 #include <thread>
 
 #include "tests/map/fabricated_map.h"

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <vector>
+
 #include "tests/mapper/desk_fixture.h"
 
 namespace parallax {

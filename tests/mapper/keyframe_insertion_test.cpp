@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "tests/mapper/desk_fixture.h"
 
 namespace parallax {

@@ -6,6 +6,8 @@
 #include <random>
 #include <set>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "map/messages.h"
 #include "tests/mapper/desk_fixture.h"

@@ -3,7 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <future>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "tests/mapper/desk_fixture.h"
 #include "tracker/tracker.h"

@@ -2,6 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <vector>
+
 #include "tests/mapper/desk_fixture.h"
 
 namespace parallax {

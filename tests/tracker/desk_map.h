@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "map/tracking_snapshot.h"
 #include "tests/support/rendered_views.h"

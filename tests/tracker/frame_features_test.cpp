@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <memory>
+#include <opencv2/core.hpp>
 #include <set>
+#include <vector>
 
 namespace parallax {
 namespace {

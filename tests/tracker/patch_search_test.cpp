@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+#include <algorithm>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "tests/support/rendered_views.h"

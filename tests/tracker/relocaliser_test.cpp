@@ -2,6 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <vector>
+
 #include "tests/tracker/desk_map.h"
 
 namespace parallax {

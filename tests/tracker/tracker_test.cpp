@@ -4,6 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
+#include <opencv2/core.hpp>
+#include <utility>
+#include <variant>
+#include <vector>
+
 #include "core/check.h"
 #include "tests/support/rendered_views.h"
 
