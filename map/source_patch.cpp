@@ -80,6 +80,26 @@ void prepare_alignment(const ImagePyramid& source, int source_level, const Eigen
   patch->alignment_ready = true;
 }
 
+bool warp_source_patch_for_alignment(const ImagePyramid& source, int source_level, const Eigen::Vector2d& source_pixel,
+                                     const Eigen::Matrix2d& A, int level, WarpedPatch* out) {
+  const Eigen::Matrix2d source_from_template = (A / level_scale(level)).inverse();
+  if (!warp_alignment_template(source.level[source_level], source_pixel, source_from_template, &out->alignment)) {
+    // At the image's rim there is room for the patch, though not for the gradients around it.
+    if (!warp_source_patch(source, source_level, source_pixel, A, level, out)) return false;
+    prepare_alignment(out->search, &out->alignment);
+    out->alignment_ready = true;
+    return true;
+  }
+  for (int k = 0; k < kPatchPixels; ++k)
+    out->search.pixels[k] = static_cast<std::uint8_t>(static_cast<int>(out->alignment.intensity[k] + 0.5f));
+  finish_template(&out->search);
+  out->warp = A;
+  out->level = level;
+  out->alignment_ready = true;
+  out->ok = true;
+  return true;
+}
+
 int zmssd_threshold(const PatchTemplate& t) {
   const double energy = t.sum_squares - static_cast<double>(t.sum) * t.sum / kPatchPixels;
   return static_cast<int>(std::min(kNoisePerPixel * kPatchPixels + kUnexplainedPart * energy,

@@ -47,6 +47,10 @@ bool warp_source_patch(const ImagePyramid& source, int source_level, const Eigen
 void prepare_alignment(const ImagePyramid& source, int source_level, const Eigen::Vector2d& source_pixel,
                        WarpedPatch* patch);
 
+// Both templates at once, sampled once: for who will need both. False (and ok = false) when the patch leaves the source image.
+bool warp_source_patch_for_alignment(const ImagePyramid& source, int source_level, const Eigen::Vector2d& source_pixel,
+                                     const Eigen::Matrix2d& A, int level, WarpedPatch* out);
+
 // What zero-mean SSD a match may have: a fixed part for noise and a part of the template's own contrast, so that a flat
 // template does not match everything and a strong one survives blur and gain.
 int zmssd_threshold(const PatchTemplate& t);

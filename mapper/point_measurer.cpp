@@ -33,9 +33,9 @@ std::optional<PredictedPatch> predict_patch(const CameraModel& camera, const Map
 std::optional<Measurement> measure_point(const MapPoint& point, const FrameImages& source, const PredictedPatch& predicted,
                                          const FrameImages& target, double radius_px, MeasurementSource how) {
   WarpedPatch patch;
-  if (!warp_source_patch(source.pyramid, point.source_level, point.source_pixel, predicted.warp, predicted.level, &patch))
+  if (!warp_source_patch_for_alignment(source.pyramid, point.source_level, point.source_pixel, predicted.warp,
+                                       predicted.level, &patch))
     return std::nullopt;
-  prepare_alignment(source.pyramid, point.source_level, point.source_pixel, &patch);
   if (!patch.alignment.valid) return std::nullopt;
   const GreyImage& image = target.pyramid.level[predicted.level];
   const Eigen::Vector2d centre = level0_to_level(predicted.pixel, predicted.level);

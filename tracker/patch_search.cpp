@@ -23,13 +23,11 @@ const WarpedPatch& PatchSearch::warped(const TrackingSnapshot& map, const Candid
   const bool same = entry->patch.level == candidate.level && entry->source == source.id &&
                     entry->source_pixel == source_pixel && change < options_.template_reuse_px;
   if (!same) {
-    warp_source_patch(source.images->pyramid, map.source_level[candidate.row], source_pixel.cast<double>(), candidate.warp,
-                      candidate.level, &entry->patch);
+    warp_source_patch_for_alignment(source.images->pyramid, map.source_level[candidate.row], source_pixel.cast<double>(),
+                                    candidate.warp, candidate.level, &entry->patch);
     entry->source = source.id;
     entry->source_pixel = source_pixel;
   }
-  if (entry->patch.ok && !entry->patch.alignment_ready)
-    prepare_alignment(source.images->pyramid, map.source_level[candidate.row], source_pixel.cast<double>(), &entry->patch);
   return entry->patch;
 }
 

@@ -15,7 +15,7 @@ float lap(SteadyClock::time_point* mark) {
 }  // namespace
 
 TwoStageTracker::TwoStageTracker(const CameraModel& camera, const TrackerOptions& options)
-    : camera_(camera), options_(options), projector_(camera, options.min_view_cosine), search_(options) {}
+    : camera_(camera), options_(options), projector_(camera, options.min_view_cosine, 3 * options.fine_points), search_(options) {}
 
 void TwoStageTracker::try_candidate(const TrackingSnapshot& map, const FrameImages& frame, const Candidate& candidate,
                                     double radius_px, bool align_directly, TwoStageResult* out) {
