@@ -14,7 +14,8 @@ RunDrawing::RunDrawing(const CameraModel& camera, double frames_per_second, cons
                        const std::string& frames_folder)
     : camera_(camera), folder_(frames_folder) {
   if (!video_path.empty())
-    video_.emplace(video_path, frames_per_second > 0 ? frames_per_second : 30.0, cv::Size(camera.width(), camera.height()));
+    video_.emplace(video_path, frames_per_second > 0 ? frames_per_second : 30.0,
+                   cv::Size(camera.width(), camera.height()));
   if (!folder_.empty()) {
     std::error_code error;
     std::filesystem::create_directories(folder_, error);

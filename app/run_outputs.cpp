@@ -79,23 +79,27 @@ Trajectory keyframe_trajectory(const RunResult& result) {
 
 void write_points_ply(const Map& map, const std::string& path) {
   write_file_atomically(path, [&](std::ostream& out) {
-    out << "ply\nformat ascii 1.0\ncomment points of a Parallax map, metres, world frame\nelement vertex " << map.points.size()
-        << "\nproperty double x\nproperty double y\nproperty double z\nproperty float nx\nproperty float ny\nproperty float nz\n"
+    out << "ply\nformat ascii 1.0\ncomment points of a Parallax map, metres, world frame\nelement vertex "
+        << map.points.size()
+        << "\nproperty double x\nproperty double y\nproperty double z\nproperty float nx\nproperty float ny\nproperty "
+           "float nz\n"
            "property uchar intensity\nproperty uchar level\nproperty int observers\nend_header\n";
     out << std::setprecision(9);
     for (const MapPoint& p : map.points) {
       const GreyImage& image = map.keyframes.at(p.source).images->pyramid.level[p.source_level];
-      const int intensity = image(static_cast<int>(p.source_pixel.y() + 0.5), static_cast<int>(p.source_pixel.x() + 0.5));
-      out << p.position.x() << ' ' << p.position.y() << ' ' << p.position.z() << ' ' << static_cast<float>(p.normal.x()) << ' '
-          << static_cast<float>(p.normal.y()) << ' ' << static_cast<float>(p.normal.z()) << ' ' << intensity << ' '
-          << p.source_level << ' ' << p.observers.size() << '\n';
+      const int intensity =
+          image(static_cast<int>(p.source_pixel.y() + 0.5), static_cast<int>(p.source_pixel.x() + 0.5));
+      out << p.position.x() << ' ' << p.position.y() << ' ' << p.position.z() << ' ' << static_cast<float>(p.normal.x())
+          << ' ' << static_cast<float>(p.normal.y()) << ' ' << static_cast<float>(p.normal.z()) << ' ' << intensity
+          << ' ' << p.source_level << ' ' << p.observers.size() << '\n';
     }
   });
 }
 
 void write_timing_csv(const RunResult& result, const std::string& path) {
   write_file_atomically(path, [&](std::ostream& out) {
-    out << "frame,state,quality,attempted,found,points,keyframes,features_ms,projection_ms,search_ms,pose_ms,recovery_ms,"
+    out << "frame,state,quality,attempted,found,points,keyframes,features_ms,projection_ms,search_ms,pose_ms,recovery_"
+           "ms,"
            "total_ms,cpu_ms\n";
     out << std::fixed << std::setprecision(4);
     for (const TrackingResult& r : result.frames) {
@@ -130,9 +134,15 @@ void write_report_json(const RunResult& result, const ReportContext& context, co
                         {"local_keyframes", m.local_keyframes},
                         {"initial_baseline_m", m.initial_baseline_m},
                         {"seed", m.seed}};
-  report["frames"] = {{"read", result.frames_read},     {"tracked", c.tracked},         {"good", c.good},
-                      {"poor", c.poor},                 {"lost", c.lost},               {"times_lost", c.losses},
-                      {"relocalised", c.relocalised},   {"before_map", c.before_map},   {"dropped", result.frames_dropped}};
+  report["frames"] = {{"read", result.frames_read},
+                      {"tracked", c.tracked},
+                      {"good", c.good},
+                      {"poor", c.poor},
+                      {"lost", c.lost},
+                      {"times_lost", c.losses},
+                      {"relocalised", c.relocalised},
+                      {"before_map", c.before_map},
+                      {"dropped", result.frames_dropped}};
   report["tracked_fraction"] = result.frames_read > 0 ? static_cast<double>(c.tracked) / result.frames_read : 0.0;
   report["wall_seconds"] = result.wall_seconds;
   report["map"] = {{"keyframes", result.map.keyframes.size()}, {"points", result.map.points.size()}};

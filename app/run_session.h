@@ -28,13 +28,13 @@ struct RunOptions {
 };
 
 struct RunResult {
-  std::vector<TrackingResult> frames;      // every frame delivered to the tracker, without points and trails
-  std::vector<SourceWarning> warnings;     // of the source
+  std::vector<TrackingResult> frames;   // every frame delivered to the tracker, without points and trails
+  std::vector<SourceWarning> warnings;  // of the source
   int frames_read = 0;
-  int frames_dropped = 0;                  // realtime: the tracker was not ready for them
+  int frames_dropped = 0;  // realtime: the tracker was not ready for them
   double wall_seconds = 0;
   MapperStatistics mapper;
-  Map map;                                 // as it was at the end
+  Map map;  // as it was at the end
   SimilarityTransform world_from_first;
   std::uint64_t map_version = 0;
   LockTimes lock_times;
@@ -44,8 +44,8 @@ struct RunResult {
 // Called on the tracking thread after each frame, with the frame, the result with its points, and the map's plane.
 using FrameObserver = std::function<void(const Frame&, const TrackingResult&, const std::optional<Plane>&)>;
 
-// Runs to the end of the source. Mapping goes on after the last frame until there is nothing left to do (in realtime: for
-// at most a few seconds).
+// Runs to the end of the source. Mapping goes on after the last frame until there is nothing left to do (in realtime:
+// for at most a few seconds).
 RunResult run_session(FrameSource* source, const CameraModel& camera, const RunOptions& options,
                       const FrameObserver& observer);
 

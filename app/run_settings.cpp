@@ -86,7 +86,8 @@ void apply_settings(const std::vector<std::string>& settings, RunOptions* option
     const bool whole = std::holds_alternative<double*>(it->second) || value == std::floor(value);
     if (text.empty() || used != text.size() || !std::isfinite(value) || !whole || std::abs(value) > 1e9)
       throw InputError("--set " + name + ": found '" + text + "', expected a number");
-    std::visit([&](auto* target) { *target = static_cast<std::remove_pointer_t<decltype(target)>>(value); }, it->second);
+    std::visit([&](auto* target) { *target = static_cast<std::remove_pointer_t<decltype(target)>>(value); },
+               it->second);
   }
   options->tracker.validate();
   options->mapper.validate();

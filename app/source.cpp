@@ -12,7 +12,8 @@ OpenedSource open_source(const std::string& source, const std::string& calibrati
   if (source.rfind(synthetic, 0) == 0) {
     out.frames = open_synthetic_source(source, options);
   } else if (source.rfind("v4l2:", 0) == 0 || source.rfind("libcamera:", 0) == 0) {
-    throw InputError(source + ": live cameras are not supported by this version; expected a video file, a folder or synthetic:NAME");
+    throw InputError(
+        source + ": live cameras are not supported by this version; expected a video file, a folder or synthetic:NAME");
   } else {
     out.frames = open_frame_source(source, options);
   }

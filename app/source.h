@@ -13,8 +13,8 @@ struct OpenedSource {
   CameraModel camera;
 };
 
-// `calibration_path` empty: the one the source carries. Throws InputError when there is none, or when its size is not that
-// of the images.
+// `calibration_path` empty: the one the source carries. Throws InputError when there is none, or when its size is not
+// that of the images.
 OpenedSource open_source(const std::string& source, const std::string& calibration_path, const SourceOptions& options);
 
 }  // namespace parallax

@@ -10,7 +10,7 @@ namespace parallax {
 namespace {
 
 constexpr int kTests = 256;
-constexpr int kOrientations = 32;   // the pattern is turned in steps of this part of a circle
+constexpr int kOrientations = 32;  // the pattern is turned in steps of this part of a circle
 constexpr int kOrientationRadius = 7;
 constexpr double kPatternSigma = 6.0;
 constexpr int kPatternRadius = 13;
@@ -59,7 +59,8 @@ int orientation_index(const GreyImage& image, int x, int y) {
   int mx = 0, my = 0;
   for (int dy = -kOrientationRadius; dy <= kOrientationRadius; ++dy) {
     const std::uint8_t* row = image.ptr<std::uint8_t>(y + dy) + x;
-    const int half = static_cast<int>(std::sqrt(static_cast<double>(kOrientationRadius * kOrientationRadius - dy * dy)));
+    const int half =
+        static_cast<int>(std::sqrt(static_cast<double>(kOrientationRadius * kOrientationRadius - dy * dy)));
     int sum = 0;
     for (int dx = -half; dx <= half; ++dx) {
       mx += dx * row[dx];

@@ -1,5 +1,6 @@
-// Rotated binary descriptors (after BRIEF, Calonder et al. 2010, with the intensity-centroid orientation of ORB, Rublee et al. 2011): 256
-// brightness comparisons around a corner, turned with it. The test pattern is our own (seeded, Gaussian).
+// Rotated binary descriptors (after BRIEF, Calonder et al. 2010, with the intensity-centroid orientation of ORB, Rublee
+// et al. 2011): 256 brightness comparisons around a corner, turned with it. The test pattern is our own (seeded,
+// Gaussian).
 #pragma once
 
 #include <array>
@@ -26,8 +27,8 @@ inline constexpr int kDescriptorBorder = 17;
 // What describe() samples: the image averaged over 5x5 pixels.
 GreyImage smooth_for_descriptors(const GreyImage& image);
 
-// The descriptor of the corner at (x, y); `image` gives the orientation, `smooth` the comparisons (both of the corner's own level).
-// False too near the border.
+// The descriptor of the corner at (x, y); `image` gives the orientation, `smooth` the comparisons (both of the corner's
+// own level). False too near the border.
 bool describe_corner(const GreyImage& image, const GreyImage& smooth, int x, int y, BinaryDescriptor* out);
 
 }  // namespace parallax

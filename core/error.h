@@ -1,5 +1,5 @@
-// Errors a person can act on: a bad file, a bad setting, an unusable option. Thrown anywhere, caught in app/, printed as
-// one line, exit code 2.
+// Errors a person can act on: a bad file, a bad setting, an unusable option. Thrown anywhere, caught in app/, printed
+// as one line, exit code 2.
 #pragma once
 
 #include <stdexcept>

@@ -1,5 +1,5 @@
-// The one logger. Libraries log at debug level and below, through log::debug(); only app/ talks to the user, and sets the
-// level and the sink. Safe from any thread. The logging library stays out of this header: it is slow to compile.
+// The one logger. Libraries log at debug level and below, through log::debug(); only app/ talks to the user, and sets
+// the level and the sink. Safe from any thread. The logging library stays out of this header: it is slow to compile.
 #pragma once
 
 #include <sstream>

@@ -1,6 +1,6 @@
-// Small blurry images: a frame at about 40 pixels width, strongly blurred, zero mean. Aligning two of them directly gives
-// the camera's rotation between the frames; comparing them finds the keyframe that looks most alike (relocalisation,
-// PTAM §5.6, and the rotation prior of the motion model).
+// Small blurry images: a frame at about 40 pixels width, strongly blurred, zero mean. Aligning two of them directly
+// gives the camera's rotation between the frames; comparing them finds the keyframe that looks most alike
+// (relocalisation, PTAM §5.6, and the rotation prior of the motion model).
 #pragma once
 
 #include <Eigen/Core>
@@ -13,9 +13,9 @@ namespace parallax {
 
 // Immutable once made; copies share pixels.
 struct SmallBlurryImage {
-  cv::Mat1f image;        // zero mean, grey levels
-  cv::Mat1f dx, dy;       // central differences of `image`
-  double scale = 1;       // level-0 pixels per small pixel
+  cv::Mat1f image;   // zero mean, grey levels
+  cv::Mat1f dx, dy;  // central differences of `image`
+  double scale = 1;  // level-0 pixels per small pixel
   bool empty() const { return image.empty(); }
 };
 
@@ -26,10 +26,10 @@ double small_image_difference(const SmallBlurryImage& a, const SmallBlurryImage&
 
 // A rigid 2D motion about the image centre: a point p of `from` appears in `to` at R(angle) (p - c) + c + shift.
 struct SmallImageAlignment {
-  double angle = 0;                                    // radians
-  Eigen::Vector2d shift = Eigen::Vector2d::Zero();     // level-0 pixels
-  double mean_squared_difference = 0;                  // after alignment, mean brightness removed
-  double overlap = 0;                                  // part of the image compared
+  double angle = 0;                                 // radians
+  Eigen::Vector2d shift = Eigen::Vector2d::Zero();  // level-0 pixels
+  double mean_squared_difference = 0;               // after alignment, mean brightness removed
+  double overlap = 0;                               // part of the image compared
   bool converged = false;
 };
 

@@ -1,5 +1,5 @@
-// What a map is made of (PTAM §4): keyframes, points, measurements, the dominant plane. Values; no pointers between them.
-// Frames: world is the session's own; poses are camera_from_world; pixels are level 0 unless named otherwise.
+// What a map is made of (PTAM §4): keyframes, points, measurements, the dominant plane. Values; no pointers between
+// them. Frames: world is the session's own; poses are camera_from_world; pixels are level 0 unless named otherwise.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,11 +26,11 @@ struct FrameImages {
 };
 
 enum class MeasurementSource : std::uint8_t {
-  root,           // the patch's own source: where the point was first seen
-  trail,          // initial stereo pair
-  tracker,        // found by the tracking thread
-  epipolar,       // found by epipolar search
-  refind,         // found by the mapper at the predicted position (new point in old keyframe, remaining points in a new one)
+  root,      // the patch's own source: where the point was first seen
+  trail,     // initial stereo pair
+  tracker,   // found by the tracking thread
+  epipolar,  // found by epipolar search
+  refind,    // found by the mapper at the predicted position (new point in old keyframe, remaining points in a new one)
   second_chance,  // an outlier measured again (PTAM §6.4)
 };
 
@@ -54,7 +54,8 @@ struct MapPoint {
   Eigen::Matrix3d source_rays = Eigen::Matrix3d::Identity();
   bool normal_estimated = false;  // from several views; else parallel to the source's viewing ray
 
-  // What the tracker reported: how often the point was searched, and found, and how often it was an outlier of the pose.
+  // What the tracker reported: how often the point was searched, and found, and how often it was an outlier of the
+  // pose.
   int searched = 0, found = 0, pose_outliers = 0;
 
   // Keyframes that measure the point, and keyframes where it was looked for and cannot be measured, both sorted.
@@ -69,9 +70,9 @@ struct Keyframe {
   Timestamp time{0};
   RigidTransform camera_from_world;
   std::shared_ptr<const FrameImages> images;
-  std::vector<Measurement> measurements;  // sorted by point
-  double mean_depth = 1, depth_sigma = 1; // of its measured points, metres
-  bool fixed = false;                     // the datum of the gauge: the first keyframe
+  std::vector<Measurement> measurements;   // sorted by point
+  double mean_depth = 1, depth_sigma = 1;  // of its measured points, metres
+  bool fixed = false;                      // the datum of the gauge: the first keyframe
 
   Eigen::Vector3d centre() const { return camera_from_world.inverse().t; }
   const Measurement* find(PointId point) const;

@@ -1,4 +1,5 @@
-// A table keyed by identifiers of one session: look-up by index, iteration in order of age, removal without moving others.
+// A table keyed by identifiers of one session: look-up by index, iteration in order of age, removal without moving
+// others.
 #pragma once
 
 #include <optional>

@@ -43,7 +43,8 @@ class Map {
 };
 
 // Every invariant of the map, checked: lists in step on both sides and sorted, no dangling identifiers, finite values,
-// proper rotations, unit normals, sources present and inside their images, points in front of their source. Returns what is wrong, a line each (at most 20).
+// proper rotations, unit normals, sources present and inside their images, points in front of their source. Returns
+// what is wrong, a line each (at most 20).
 std::vector<std::string> check_consistency(const Map& map, const CameraModel& camera);
 
 }  // namespace parallax

@@ -1,5 +1,5 @@
-// What passes from the tracking thread to the mapping thread, and back through futures. The queue is bounded; a keyframe
-// that is refused stays with the tracker, which may offer a later one.
+// What passes from the tracking thread to the mapping thread, and back through futures. The queue is bounded; a
+// keyframe that is refused stays with the tracker, which may offer a later one.
 #pragma once
 
 #include <cstdint>
@@ -67,8 +67,8 @@ struct ResetRequest {
 
 using MapperMessage = std::variant<KeyframeProposal, PointCounts, InitialisationRequest, ResetRequest>;
 
-// The mapper's queue. A message that cannot wait (a keyframe, a reset, an initialisation) interrupts the solve in progress.
-// Safe from any thread.
+// The mapper's queue. A message that cannot wait (a keyframe, a reset, an initialisation) interrupts the solve in
+// progress. Safe from any thread.
 class MapperInbox {
  public:
   explicit MapperInbox(std::size_t capacity) : queue_(capacity) {}

@@ -1,5 +1,6 @@
-// The one map that the tracking and the mapping thread share. The lock is held for the time of a copy; whoever computes,
-// extracts first and commits afterwards. The mapper is the only structural writer. Every member is safe from any thread.
+// The one map that the tracking and the mapping thread share. The lock is held for the time of a copy; whoever
+// computes, extracts first and commits afterwards. The mapper is the only structural writer. Every member is safe from
+// any thread.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// What the tracker reads of the map every frame, laid out for it: an immutable structure of arrays, published by the mapper
-// after each commit and swapped in by one pointer, so that the tracker never waits for the map.
+// What the tracker reads of the map every frame, laid out for it: an immutable structure of arrays, published by the
+// mapper after each commit and swapped in by one pointer, so that the tracker never waits for the map.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,8 +23,8 @@ struct SnapshotKeyframe {
 
 struct TrackingSnapshot {
   std::uint64_t version = 0;  // grows with every publication
-  // Changes of the world frame so far, and the product of them all: the tracker takes its pose from the world it knew to
-  // the present one by newest.world_from_first * (known.world_from_first)^-1.
+  // Changes of the world frame so far, and the product of them all: the tracker takes its pose from the world it knew
+  // to the present one by newest.world_from_first * (known.world_from_first)^-1.
   std::uint64_t world_version = 0;
   SimilarityTransform world_from_first;
   std::uint64_t map_version = 0;  // grows when the map is reset or initialised anew: nothing carries over
@@ -33,14 +33,14 @@ struct TrackingSnapshot {
 
   // Per point, in order of age. Row i of each array is one point.
   std::vector<PointId> id;
-  std::vector<float> x, y, z;                      // world, for the vectorised cull
-  std::vector<float> nx, ny, nz;                   // normal
-  std::vector<Eigen::Vector3d> position;           // world, full precision
-  std::vector<Eigen::Matrix<float, 3, 2>> axes;    // patch_axes(): zero where the patch is edge-on
-  std::vector<std::int32_t> source;                // row of `keyframes`
+  std::vector<float> x, y, z;                    // world, for the vectorised cull
+  std::vector<float> nx, ny, nz;                 // normal
+  std::vector<Eigen::Vector3d> position;         // world, full precision
+  std::vector<Eigen::Matrix<float, 3, 2>> axes;  // patch_axes(): zero where the patch is edge-on
+  std::vector<std::int32_t> source;              // row of `keyframes`
   std::vector<std::uint8_t> source_level;
-  std::vector<Eigen::Vector2f> source_pixel;       // pixels of source_level
-  std::vector<std::uint8_t> quality;               // observers, saturating at 255: better-known points are preferred
+  std::vector<Eigen::Vector2f> source_pixel;  // pixels of source_level
+  std::vector<std::uint8_t> quality;          // observers, saturating at 255: better-known points are preferred
 
   std::optional<Plane> plane;
 

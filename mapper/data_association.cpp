@@ -66,7 +66,8 @@ int DataAssociation::refine_new_points(SharedMap* map, int max_points, std::stop
             std::binary_search(p.failed.begin(), p.failed.end(), kf.id))
           continue;
         const Eigen::Vector3d in_camera = kf.camera_from_world * p.position;
-        if (!(in_camera.z() > 0) || in_camera.head<2>().squaredNorm() > camera_.max_radius_squared() * in_camera.z() * in_camera.z())
+        if (!(in_camera.z() > 0) ||
+            in_camera.head<2>().squaredNorm() > camera_.max_radius_squared() * in_camera.z() * in_camera.z())
           continue;
         job.targets.push_back({kf.id, kf.camera_from_world, kf.images});
       }
@@ -83,7 +84,8 @@ int DataAssociation::refine_new_points(SharedMap* map, int max_points, std::stop
       const auto predicted = predict_patch(camera_, job.point, job.source_pose, target.pose);
       std::optional<Measurement> m;
       if (predicted)
-        m = measure_point(job.point, *job.source, *predicted, *target.images, options_.refind_radius_px, MeasurementSource::refind);
+        m = measure_point(job.point, *job.source, *predicted, *target.images, options_.refind_radius_px,
+                          MeasurementSource::refind);
       if (predicted || m) findings.push_back({target.id, job.point.id, m});
     }
     done.push_back(job.point.id);
@@ -101,14 +103,16 @@ int DataAssociation::give_second_chances(SharedMap* map, std::stop_token stop) {
   while (!second_chances_.empty() && !stop.stop_requested()) {
     const auto [keyframe, point] = second_chances_.front();
     second_chances_.pop_front();
-    const std::optional<Job> job = map->read([&, keyframe = keyframe, point = point](const Map& m) -> std::optional<Job> {
-      const MapPoint* p = m.points.find(point);
-      const Keyframe* kf = m.keyframes.find(keyframe);
-      if (!p || !kf || kf->find(point) || std::binary_search(p->failed.begin(), p->failed.end(), keyframe)) return std::nullopt;
-      Job out = job_for(m, *p);
-      out.targets.push_back({kf->id, kf->camera_from_world, kf->images});
-      return out;
-    });
+    const std::optional<Job> job =
+        map->read([&, keyframe = keyframe, point = point](const Map& m) -> std::optional<Job> {
+          const MapPoint* p = m.points.find(point);
+          const Keyframe* kf = m.keyframes.find(keyframe);
+          if (!p || !kf || kf->find(point) || std::binary_search(p->failed.begin(), p->failed.end(), keyframe))
+            return std::nullopt;
+          Job out = job_for(m, *p);
+          out.targets.push_back({kf->id, kf->camera_from_world, kf->images});
+          return out;
+        });
     if (!job) continue;
     const Target& target = job->targets.front();
     const auto predicted = predict_patch(camera_, job->point, job->source_pose, target.pose);

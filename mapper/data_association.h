@@ -1,5 +1,5 @@
-// Data association refinement (PTAM §6.4), lowest priority: new points are looked for in old keyframes, and measurements that an
-// adjustment threw out get their second chance with a far tighter search.
+// Data association refinement (PTAM §6.4), lowest priority: new points are looked for in old keyframes, and
+// measurements that an adjustment threw out get their second chance with a far tighter search.
 #pragma once
 
 #include <deque>
@@ -26,8 +26,8 @@ class DataAssociation {
   // Measurements that were taken out of the map. Each pair is tried once only.
   void add_outliers(const std::vector<std::pair<KeyframeId, PointId>>& outliers);
 
-  // Works on at most `max_points` points; stops early when asked. Returns the number of measurements added; `idle` is set
-  // when nothing is left to look at.
+  // Works on at most `max_points` points; stops early when asked. Returns the number of measurements added; `idle` is
+  // set when nothing is left to look at.
   int refine(SharedMap* map, int max_points, std::stop_token stop, bool* idle);
 
  private:

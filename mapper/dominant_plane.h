@@ -14,15 +14,15 @@
 namespace parallax {
 
 struct DominantPlane {
-  RigidTransform world_from_plane;       // plane frame: origin at the mean, z up (towards the viewer), the plane is z = 0
-  std::vector<std::uint8_t> inlier;      // per point
+  RigidTransform world_from_plane;   // plane frame: origin at the mean, z up (towards the viewer), the plane is z = 0
+  std::vector<std::uint8_t> inlier;  // per point
   int inliers = 0;
-  double rms_m = 0;                      // distance of the inliers from the plane
+  double rms_m = 0;  // distance of the inliers from the plane
 };
 
 struct PlaneOptions {
   int hypotheses = 200;
-  double threshold_over_depth = 0.02;    // consensus: within this part of the viewer's median distance
+  double threshold_over_depth = 0.02;  // consensus: within this part of the viewer's median distance
   double min_inlier_fraction = 0.25;
 };
 

@@ -68,7 +68,8 @@ std::optional<NewPoint> EpipolarSearch::find(const SalientPoint& candidate) cons
   const int level = target_level(A.determinant());
   if (level < 0) return std::nullopt;
   WarpedPatch patch;
-  if (!warp_source_patch(view_.images->pyramid, candidate.level, candidate.pixel, A, level, &patch)) return std::nullopt;
+  if (!warp_source_patch(view_.images->pyramid, candidate.level, candidate.pixel, A, level, &patch))
+    return std::nullopt;
   const int threshold = zmssd_threshold(patch.search);
 
   // Pixels of the level per unit on z = 1: near enough for a band's width.
@@ -97,7 +98,8 @@ std::optional<NewPoint> EpipolarSearch::find(const SalientPoint& candidate) cons
     if (c.x < kBorder || c.y < kBorder || c.x >= image.cols - kBorder || c.y >= image.rows - kBorder) continue;
     hits.push_back({zmssd(patch.search, image, c.x, c.y), c.x, c.y});
   }
-  const auto best = std::min_element(hits.begin(), hits.end(), [](const Hit& l, const Hit& r) { return l.score < r.score; });
+  const auto best =
+      std::min_element(hits.begin(), hits.end(), [](const Hit& l, const Hit& r) { return l.score < r.score; });
   if (best == hits.end() || best->score > threshold) return std::nullopt;
   const Hit chosen = *best;
   for (const Hit& h : hits) {

@@ -1,6 +1,6 @@
-// Epipolar search (PTAM §6.2): gives a salient point of a new keyframe its depth from a second view. Corners of the second view near
-// the epipolar line, within the range of likely depths, are compared by zero-mean SSD; the best is aligned to sub-pixel
-// accuracy and triangulated.
+// Epipolar search (PTAM §6.2): gives a salient point of a new keyframe its depth from a second view. Corners of the
+// second view near the epipolar line, within the range of likely depths, are compared by zero-mean SSD; the best is
+// aligned to sub-pixel accuracy and triangulated.
 #pragma once
 
 #include <optional>
@@ -25,8 +25,8 @@ struct SearchView {
 struct NewPoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // world
   int level = 0;
-  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();     // in the new keyframe, pixels of `level`
-  Measurement other;                                   // in the second view (without point id)
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // in the new keyframe, pixels of `level`
+  Measurement other;                                // in the second view (without point id)
 };
 
 // Holds what is computed once a view pair. Not thread-safe.

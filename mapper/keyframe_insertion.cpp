@@ -30,7 +30,8 @@ std::optional<KeyframeId> insert_keyframe(SharedMap* map, const CameraModel& cam
     for (const MapPoint& p : m.points) {
       if (measured.contains(p.id.index)) continue;
       const Eigen::Vector3d in_camera = pose * p.position;
-      if (!(in_camera.z() > 0) || in_camera.head<2>().squaredNorm() > camera.max_radius_squared() * in_camera.z() * in_camera.z())
+      if (!(in_camera.z() > 0) ||
+          in_camera.head<2>().squaredNorm() > camera.max_radius_squared() * in_camera.z() * in_camera.z())
         continue;
       if (p.normal.dot(centre - p.position) <= 0) continue;
       const Keyframe& source = m.keyframes.at(p.source);

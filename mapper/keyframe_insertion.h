@@ -1,4 +1,5 @@
-// A new keyframe enters the map (PTAM §6.2): the tracker's pose and measurements, then the remaining map points measured in it.
+// A new keyframe enters the map (PTAM §6.2): the tracker's pose and measurements, then the remaining map points
+// measured in it.
 #pragma once
 
 #include <optional>

@@ -36,7 +36,8 @@ Extracted extract(const Map& map, const CameraModel& camera, const std::set<Keyf
     if (everything || moving.contains(kf.id)) pose_of(kf);
   for (const MapPoint& p : map.points) {
     if (p.observers.size() < 2) continue;
-    if (!everything && std::none_of(p.observers.begin(), p.observers.end(), [&](KeyframeId id) { return moving.contains(id); }))
+    if (!everything &&
+        std::none_of(p.observers.begin(), p.observers.end(), [&](KeyframeId id) { return moving.contains(id); }))
       continue;
     const int row = static_cast<int>(out.points.size());
     out.points.push_back(p.id);
@@ -65,12 +66,13 @@ void commit(Map* map, const Extracted& solved, const std::vector<std::uint8_t>& 
 
   if (!report->solve.stopped) {
     std::vector<int> total(solved.keyframes.size(), 0), bad(solved.keyframes.size(), 0);
-    // A keyframe is wrong when its measurements are off by much more than any noise; outliers of a narrow kernel may only
-    // say that the lens or the shutter is not quite what the model says.
+    // A keyframe is wrong when its measurements are off by much more than any noise; outliers of a narrow kernel may
+    // only say that the lens or the shutter is not quite what the model says.
     for (const auto& o : solved.problem.observations) {
       ++total[o.pose];
       Eigen::Vector2d pixel;
-      const bool seen = solved.problem.camera.project(solved.problem.poses[o.pose] * solved.problem.points[o.point], &pixel);
+      const bool seen =
+          solved.problem.camera.project(solved.problem.poses[o.pose] * solved.problem.points[o.point], &pixel);
       if (!seen || (pixel - o.pixel).norm() > kGrossError * o.sigma_px) ++bad[o.pose];
     }
     for (std::size_t i = 0; i < solved.keyframes.size(); ++i) {
@@ -113,7 +115,8 @@ AdjustmentReport solve_and_commit(SharedMap* map, Extracted extracted, const Map
                                   std::stop_token stop) {
   AdjustmentReport report;
   const auto start = SteadyClock::now();
-  report.poses = static_cast<int>(std::count(extracted.problem.pose_fixed.begin(), extracted.problem.pose_fixed.end(), 0));
+  report.poses =
+      static_cast<int>(std::count(extracted.problem.pose_fixed.begin(), extracted.problem.pose_fixed.end(), 0));
   report.points = static_cast<int>(extracted.points.size());
   report.observations = static_cast<int>(extracted.problem.observations.size());
   if (report.poses == 0 || report.observations == 0) return report;
@@ -133,8 +136,8 @@ AdjustmentReport solve_and_commit(SharedMap* map, Extracted extracted, const Map
 
 }  // namespace
 
-AdjustmentReport adjust_local(SharedMap* map, const CameraModel& camera, const MapperOptions& options, KeyframeId newest,
-                              std::stop_token stop) {
+AdjustmentReport adjust_local(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
+                              KeyframeId newest, std::stop_token stop) {
   Extracted extracted = map->read([&](const Map& m) {
     const Keyframe* centre = m.keyframes.find(newest);
     if (!centre) return Extracted();

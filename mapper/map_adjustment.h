@@ -1,5 +1,5 @@
-// Bundle adjustment of the shared map (PTAM §6.3): extract under the lock, solve outside it, commit under it. Local: Eq. 11,
-// global: Eq. 10.
+// Bundle adjustment of the shared map (PTAM §6.3): extract under the lock, solve outside it, commit under it. Local:
+// Eq. 11, global: Eq. 10.
 #pragma once
 
 #include <stop_token>
@@ -13,7 +13,7 @@
 namespace parallax {
 
 struct AdjustmentReport {
-  bool ran = false;        // there was something to adjust
+  bool ran = false;  // there was something to adjust
   BundleSummary solve;
   int poses = 0, points = 0, observations = 0;
   std::vector<std::pair<KeyframeId, PointId>> outliers;  // measurements taken out: candidates for a second chance
@@ -22,10 +22,10 @@ struct AdjustmentReport {
   double milliseconds = 0;
 };
 
-// The keyframe and its nearest neighbours move, with all points they see; every other keyframe that measures one of the points
-// is held fixed.
-AdjustmentReport adjust_local(SharedMap* map, const CameraModel& camera, const MapperOptions& options, KeyframeId newest,
-                              std::stop_token stop);
+// The keyframe and its nearest neighbours move, with all points they see; every other keyframe that measures one of the
+// points is held fixed.
+AdjustmentReport adjust_local(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
+                              KeyframeId newest, std::stop_token stop);
 
 // All keyframes but the fixed first, and all points.
 AdjustmentReport adjust_global(SharedMap* map, const CameraModel& camera, const MapperOptions& options,

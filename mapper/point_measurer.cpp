@@ -30,8 +30,9 @@ std::optional<PredictedPatch> predict_patch(const CameraModel& camera, const Map
   return out;
 }
 
-std::optional<Measurement> measure_point(const MapPoint& point, const FrameImages& source, const PredictedPatch& predicted,
-                                         const FrameImages& target, double radius_px, MeasurementSource how) {
+std::optional<Measurement> measure_point(const MapPoint& point, const FrameImages& source,
+                                         const PredictedPatch& predicted, const FrameImages& target, double radius_px,
+                                         MeasurementSource how) {
   WarpedPatch patch;
   if (!warp_source_patch_for_alignment(source.pyramid, point.source_level, point.source_pixel, predicted.warp,
                                        predicted.level, &patch))

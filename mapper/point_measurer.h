@@ -22,7 +22,8 @@ std::optional<PredictedPatch> predict_patch(const CameraModel& camera, const Map
 
 // The measurement, or nothing when no patch within `radius_px` (pixels of the target level) of the prediction is alike.
 // `source` and `target` are the images of the point's source and of the keyframe it is looked for in.
-std::optional<Measurement> measure_point(const MapPoint& point, const FrameImages& source, const PredictedPatch& predicted,
-                                         const FrameImages& target, double radius_px, MeasurementSource how);
+std::optional<Measurement> measure_point(const MapPoint& point, const FrameImages& source,
+                                         const PredictedPatch& predicted, const FrameImages& target, double radius_px,
+                                         MeasurementSource how);
 
 }  // namespace parallax

@@ -1,5 +1,5 @@
-// Candidates for new map points in a keyframe (PTAM §6.2): maximal FAST corners with a Shi-Tomasi score, away from what is already
-// measured, spread over the image.
+// Candidates for new map points in a keyframe (PTAM §6.2): maximal FAST corners with a Shi-Tomasi score, away from what
+// is already measured, spread over the image.
 #pragma once
 
 #include <vector>

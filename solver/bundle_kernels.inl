@@ -1,4 +1,5 @@
-// The two passes over the observations of a bundle adjustment iteration. Included inside an instruction set's namespace.
+// The two passes over the observations of a bundle adjustment iteration. Included inside an instruction set's
+// namespace.
 
 // Square root of the IRLS weight, from the squared normalised residual.
 PARALLAX_INLINE Vec root_weight(KernelParameters kernel, Vec squared) {
@@ -210,7 +211,8 @@ PARALLAX_INLINE void eliminate_point(const LineariseJob& job, const std::int32_t
     t1.store(t + D);
     t2.store(t + 2 * D);
     const int c = camera[i] / kCameraStride, tile = job.tile_of[c], local = job.local_of[c];
-    double* block = job.tiles + job.tile_at[static_cast<std::int64_t>(tile) * job.tile_count + tile] + local * kTile + local;
+    double* block =
+        job.tiles + job.tile_at[static_cast<std::int64_t>(tile) * job.tile_count + tile] + local * kTile + local;
     for (int k = 0; k < D; ++k) {
       Row<D> s = Row<D>::load(block + k * kTile);
       s.add(r[k], j0);

@@ -71,8 +71,7 @@ template <>
 struct LensLanes<Lens::radtan> {
   static constexpr int kCamera = 6;
   PARALLAX_INLINE static void project(const LensParameters& k, Vec X, Vec Y, Vec Z, const Vec*, Projection* o) {
-    const double k1 = k.d[0], k2 = k.d[1], p1 = k.d[2], p2 = k.d[3], k3 = k.d[4], k4 = k.d[5], k5 = k.d[6],
-                 k6 = k.d[7];
+    const double k1 = k.d[0], k2 = k.d[1], p1 = k.d[2], p2 = k.d[3], k3 = k.d[4], k4 = k.d[5], k5 = k.d[6], k6 = k.d[7];
     const Vec iz = 1.0 / Z, x = X * iz, y = Y * iz, x2 = x * x, y2 = y * y, xy = x * y, r2 = x2 + y2;
     o->valid = (Z > 0.0) & (r2 < k.domain);
     const Vec numerator = fma(fma(fma(splat(k3), r2, splat(k2)), r2, splat(k1)), r2, splat(1.0));

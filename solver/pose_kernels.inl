@@ -18,8 +18,8 @@ void pose_project(const PoseJob& job) {
     store(job.squared + i, select(valid, s, splat(kUnusedSquared)));
     for (int row = 0; row < 2; ++row) {
       const Vec* j = o.j + 3 * row;
-      const Vec column[6] = {j[0], j[1], j[2], P[1] * j[2] - P[2] * j[1], P[2] * j[0] - P[0] * j[2],
-                             P[0] * j[1] - P[1] * j[0]};
+      const Vec column[6] = {
+          j[0], j[1], j[2], P[1] * j[2] - P[2] * j[1], P[2] * j[0] - P[0] * j[2], P[0] * j[1] - P[1] * j[0]};
       for (int k = 0; k < 6; ++k)
         store(job.jacobian + (6 * row + k) * job.stride + i, select(valid, column[k] * is, Vec{}));
     }

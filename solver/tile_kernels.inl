@@ -90,8 +90,7 @@ void tile_apply(double* y, const double* a, const double* x) {
     Vec sum[kPanelVectors];
     for (int v = 0; v < kPanelVectors; ++v) sum[v] = load(y + i + v * kLanes);
     for (int k = 0; k < kTile; ++k)
-      for (int v = 0; v < kPanelVectors; ++v)
-        sum[v] = fnma(load(a + k * kTile + i + v * kLanes), splat(x[k]), sum[v]);
+      for (int v = 0; v < kPanelVectors; ++v) sum[v] = fnma(load(a + k * kTile + i + v * kLanes), splat(x[k]), sum[v]);
     for (int v = 0; v < kPanelVectors; ++v) store(y + i + v * kLanes, sum[v]);
   }
 }

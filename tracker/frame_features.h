@@ -1,5 +1,6 @@
-// What is computed of every frame before anything is tracked (PTAM §5.1): pyramid, corners with adaptive thresholds, small
-// blurry image. Frames that never left the tracking thread are recycled, so that a running tracker does not allocate.
+// What is computed of every frame before anything is tracked (PTAM §5.1): pyramid, corners with adaptive thresholds,
+// small blurry image. Frames that never left the tracking thread are recycled, so that a running tracker does not
+// allocate.
 #pragma once
 
 #include <array>

@@ -21,7 +21,8 @@ std::shared_ptr<const ImagePyramid> pyramid_of(const std::shared_ptr<const Frame
 
 }  // namespace
 
-Initialisation::Initialisation(const CameraModel& camera, const TrackerOptions& options, bool automatic, MapperInbox* mapper)
+Initialisation::Initialisation(const CameraModel& camera, const TrackerOptions& options, bool automatic,
+                               MapperInbox* mapper)
     : camera_(camera), options_(options), automatic_(automatic), mapper_(mapper), trails_(options.trails) {}
 
 void Initialisation::reset() {

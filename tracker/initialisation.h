@@ -1,5 +1,5 @@
-// The tracking thread's side of initialisation (PTAM §6.1): trails from the first key press, a request to the mapper at the second,
-// and the first pose on the new map. Without key presses it chooses both frames itself and keeps trying.
+// The tracking thread's side of initialisation (PTAM §6.1): trails from the first key press, a request to the mapper at
+// the second, and the first pose on the new map. Without key presses it chooses both frames itself and keeps trying.
 #pragma once
 
 #include <functional>
@@ -32,7 +32,8 @@ class Initialisation {
   // One frame before there is a map. key_press: the user's. `give_away` is told of images that the mapper gets.
   // `map` is looked at once the mapper has said that it is there.
   Step step(const Frame& frame, const std::shared_ptr<const FrameImages>& images, bool key_press,
-            const TrackingSnapshot& map, const std::function<void(const std::shared_ptr<const FrameImages>&)>& give_away);
+            const TrackingSnapshot& map,
+            const std::function<void(const std::shared_ptr<const FrameImages>&)>& give_away);
 
   void reset();
   std::vector<std::array<Eigen::Vector2f, 2>> trails_for_drawing() const;

@@ -19,12 +19,13 @@ const WarpedPatch& PatchSearch::warped(const TrackingSnapshot& map, const Candid
   const SnapshotKeyframe& source = map.keyframes[map.source[candidate.row]];
   const Eigen::Vector2f source_pixel = map.source_pixel[candidate.row];
   // How far a corner of the patch (half a patch from the centre) moves in the target level between the two warps.
-  const double change = (candidate.warp - entry->patch.warp).cwiseAbs().sum() * (kPatchSize / 2) / level_scale(candidate.level);
+  const double change =
+      (candidate.warp - entry->patch.warp).cwiseAbs().sum() * (kPatchSize / 2) / level_scale(candidate.level);
   const bool same = entry->patch.level == candidate.level && entry->source == source.id &&
                     entry->source_pixel == source_pixel && change < options_.template_reuse_px;
   if (!same) {
-    warp_source_patch_for_alignment(source.images->pyramid, map.source_level[candidate.row], source_pixel.cast<double>(),
-                                    candidate.warp, candidate.level, &entry->patch);
+    warp_source_patch_for_alignment(source.images->pyramid, map.source_level[candidate.row],
+                                    source_pixel.cast<double>(), candidate.warp, candidate.level, &entry->patch);
     entry->source = source.id;
     entry->source_pixel = source_pixel;
   }
@@ -41,8 +42,8 @@ PatchMatch PatchSearch::find(const TrackingSnapshot& map, const Candidate& candi
   const double radius = radius_px / level_scale(level) + 1.0;
   const int threshold = zmssd_threshold(patch.search);
   int x = 0, y = 0;
-  const int score = best_zmssd(patch.search, frame.pyramid.level[level], frame.corners[level], centre.x(), centre.y(), radius,
-                               threshold, &x, &y);
+  const int score = best_zmssd(patch.search, frame.pyramid.level[level], frame.corners[level], centre.x(), centre.y(),
+                               radius, threshold, &x, &y);
   AlignmentResult result;
   if (score <= threshold) {
     result = align_patch(patch.alignment, frame.pyramid.level[level], Eigen::Vector2d(x, y));

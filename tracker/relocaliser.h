@@ -1,6 +1,7 @@
-// Recovery when lost (PTAM §5.6): the keyframes that look most like the frame as small blurry images give candidate poses; where
-// those lead nowhere, descriptors of the map's points matched with the frame's corners give one by the three-point
-// algorithm. Patch search and pose refinement accept or reject each. A pose that is not clearly supported is never returned.
+// Recovery when lost (PTAM §5.6): the keyframes that look most like the frame as small blurry images give candidate
+// poses; where those lead nowhere, descriptors of the map's points matched with the frame's corners give one by the
+// three-point algorithm. Patch search and pose refinement accept or reject each. A pose that is not clearly supported
+// is never returned.
 #pragma once
 
 #include <random>
@@ -20,16 +21,16 @@ class Relocaliser {
   // The map was replaced: nothing known of its points holds.
   void clear() { matcher_.clear(); }
 
-  // Tries the pose `hint` (where the camera was last) and some of the best keyframes; the following calls go on down the
-  // list, so that every keyframe gets its turn while lost. True with the result that was accepted.
-  bool recover(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& hint, TwoStageTracker* tracker,
-               TwoStageResult* accepted);
+  // Tries the pose `hint` (where the camera was last) and some of the best keyframes; the following calls go on down
+  // the list, so that every keyframe gets its turn while lost. True with the result that was accepted.
+  bool recover(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& hint,
+               TwoStageTracker* tracker, TwoStageResult* accepted);
 
  private:
   bool recover_by_descriptors(const TrackingSnapshot& map, const FrameImages& frame, TwoStageTracker* tracker,
                               TwoStageResult* accepted);
-  bool try_pose(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& pose, TwoStageTracker* tracker,
-                TwoStageResult* result) const;
+  bool try_pose(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& pose,
+                TwoStageTracker* tracker, TwoStageResult* result) const;
 
   CameraModel camera_;
   TrackerOptions options_;

@@ -36,7 +36,8 @@ Tracker::Tracker(const CameraModel& camera, const TrackerOptions& options, bool 
 }
 
 TrackingResult Tracker::track(const Frame& frame, bool key_press) {
-  PARALLAX_CHECK(frame.grey.cols == camera_.width() && frame.grey.rows == camera_.height(), "frame is not of the camera's size");
+  PARALLAX_CHECK(frame.grey.cols == camera_.width() && frame.grey.rows == camera_.height(),
+                 "frame is not of the camera's size");
   const auto start = SteadyClock::now();
   const double cpu_start = thread_cpu_ms();
   TrackingResult out;
@@ -56,8 +57,8 @@ TrackingResult Tracker::track(const Frame& frame, bool key_press) {
 
   if (!tracking_) {
     const auto before = SteadyClock::now();
-    const Initialisation::Step step = initialisation_.step(
-        frame, images_, key_press, *snapshot, [this](const auto& images) { features_.give_away(images); });
+    const Initialisation::Step step = initialisation_.step(frame, images_, key_press, *snapshot,
+                                                           [this](const auto& images) { features_.give_away(images); });
     out.state = step.state;
     out.message = step.message;
     out.times.recovery = static_cast<float>(milliseconds_since(before));

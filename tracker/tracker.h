@@ -1,6 +1,6 @@
-// What the tracking thread does with a frame (PTAM §5): composes features, motion model, two-stage tracking, quality, recovery
-// and keyframe proposals. Not thread-safe: one thread calls it; the map is read through snapshots, and the mapper is
-// spoken to through its inbox.
+// What the tracking thread does with a frame (PTAM §5): composes features, motion model, two-stage tracking, quality,
+// recovery and keyframe proposals. Not thread-safe: one thread calls it; the map is read through snapshots, and the
+// mapper is spoken to through its inbox.
 #pragma once
 
 #include <memory>
@@ -35,7 +35,8 @@ class Tracker {
   void report(const TwoStageResult& result, const TrackingSnapshot& map, TrackingResult* out);
   void accept(const Frame& frame, const RigidTransform& pose, TrackingResult* out);
   bool wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out) const;
-  void propose_keyframe(const Frame& frame, const TrackingSnapshot& map, const TwoStageResult& result, TrackingResult* out);
+  void propose_keyframe(const Frame& frame, const TrackingSnapshot& map, const TwoStageResult& result,
+                        TrackingResult* out);
   void count_points(const TwoStageResult& result, const TrackingSnapshot& map);
 
   CameraModel camera_;
@@ -51,15 +52,15 @@ class Tracker {
 
   std::shared_ptr<const FrameImages> images_, last_images_;
   TwoStageResult result_;
-  bool tracking_ = false;        // there is a map and a pose on it
-  int bad_frames_ = 0;           // in a row
+  bool tracking_ = false;  // there is a map and a pose on it
+  int bad_frames_ = 0;     // in a row
   int last_keyframe_frame_ = -1000;
-  int most_found_ = 0;           // points found in one frame, the most since the last keyframe
-  double scene_depth_ = 1;       // median depth of what was tracked, metres
+  int most_found_ = 0;      // points found in one frame, the most since the last keyframe
+  double scene_depth_ = 1;  // median depth of what was tracked, metres
   std::uint64_t known_map_version_ = 0, known_world_version_ = 0;
   SimilarityTransform known_world_from_first_;
-  std::vector<PointCount> counts_;      // dense, by point index
-  std::vector<std::int32_t> touched_;   // indices with something to report
+  std::vector<PointCount> counts_;     // dense, by point index
+  std::vector<std::int32_t> touched_;  // indices with something to report
 };
 
 }  // namespace parallax

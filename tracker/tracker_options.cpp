@@ -10,7 +10,8 @@ namespace {
 
 void require(bool ok, const char* key, double found, const char* expected) {
   if (ok) return;
-  throw InputError("tracker option " + std::string(key) + ": found " + std::to_string(found) + ", expected " + expected);
+  throw InputError("tracker option " + std::string(key) + ": found " + std::to_string(found) + ", expected " +
+                   expected);
 }
 
 }  // namespace

@@ -12,14 +12,14 @@ struct TrackerOptions {
 
   // Coarse stage (PTAM §5.5): at most so many points of the highest levels, within this radius.
   int coarse_points = 50;
-  int coarse_min = 15;               // fewer found: the coarse pose is not used
-  double coarse_radius_px = 30;      // level 0
+  int coarse_min = 15;           // fewer found: the coarse pose is not used
+  double coarse_radius_px = 30;  // level 0
   // Skipped when the motion model expects less image motion than this (PTAM §6.5).
   double coarse_skip_below_px = 2.0;
 
   // Fine stage: at most so many points in all, within this radius (PTAM §5.5).
   int fine_points = 1000;
-  double fine_radius_px = 8;         // level 0; the radius at a level is this over its scale, plus one pixel
+  double fine_radius_px = 8;  // level 0; the radius at a level is this over its scale, plus one pixel
   double fine_radius_no_coarse_px = 12;
   // A point that no corner matches is aligned directly from its predicted position.
   bool align_without_corner = true;
@@ -32,17 +32,17 @@ struct TrackerOptions {
   // Quality (PTAM §5.6): fractions of attempted points found.
   double good_fraction = 0.3;
   double lost_fraction = 0.13;
-  int min_inliers = 20;              // fewer: lost
-  double max_sigma = 3.0;            // robust scale of normalised residuals above which a pose is not believed
-  int lost_after_frames = 3;         // "more than a few frames"
+  int min_inliers = 20;       // fewer: lost
+  double max_sigma = 3.0;     // robust scale of normalised residuals above which a pose is not believed
+  int lost_after_frames = 3;  // "more than a few frames"
 
   // Keyframes (PTAM §6.2).
   int keyframe_interval_frames = 20;
   // A map of fewer keyframes than young_keyframes gets them sooner: its first baseline is short.
   int young_keyframes = 5;
   int young_interval_frames = 5;
-  // A view that leaves the mapped part gets them sooner and closer: when fewer points are found than this part of what the
-  // last keyframe's neighbourhood gave, or than this number.
+  // A view that leaves the mapped part gets them sooner and closer: when fewer points are found than this part of what
+  // the last keyframe's neighbourhood gave, or than this number.
   double leaving_part = 0.6;
   int leaving_points = 100;
   int leaving_interval_frames = 4;
@@ -50,12 +50,12 @@ struct TrackerOptions {
   double keyframe_angle_rad = 0.35;            // or turned by this much, when it also sees little of the map
 
   // Recovery (PTAM §5.6).
-  int recovery_candidates = 3;       // keyframes tried a frame
+  int recovery_candidates = 3;  // keyframes tried a frame
   int recovery_min_inliers = 30;
   double recovery_min_fraction = 0.35;
 
   // Initialisation without key presses.
-  double auto_min_motion_px = 0.8;     // median trail length before it is tried
+  double auto_min_motion_px = 0.8;   // median trail length before it is tried
   int auto_max_frames = 120;         // older first frames are replaced
   double auto_min_survivors = 0.35;  // of the trails started
 

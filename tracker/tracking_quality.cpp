@@ -31,7 +31,8 @@ Fractions found_fractions(const TwoStageResult& r) {
 }  // namespace
 
 TrackingQuality assess_quality(const TwoStageResult& result, const TrackerOptions& options) {
-  if (!result.ok || result.inliers < options.min_inliers || result.sigma > options.max_sigma) return TrackingQuality::lost;
+  if (!result.ok || result.inliers < options.min_inliers || result.sigma > options.max_sigma)
+    return TrackingQuality::lost;
   const int found = std::accumulate(result.found.begin(), result.found.end(), 0);
   if (result.inliers < kMinInlierPart * found) return TrackingQuality::lost;
   const Fractions f = found_fractions(result);

@@ -1,5 +1,5 @@
-// How well a frame was tracked (PTAM §5.6): from the fractions of attempted points that were found, on all levels and on the
-// coarse ones, and from what the pose says of its own matches.
+// How well a frame was tracked (PTAM §5.6): from the fractions of attempted points that were found, on all levels and
+// on the coarse ones, and from what the pose says of its own matches.
 #pragma once
 
 #include "tracker/tracker_options.h"

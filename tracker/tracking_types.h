@@ -48,12 +48,12 @@ struct TrackingResult {
   std::uint64_t map_version = 0;
   SimilarityTransform world_from_first;
   std::array<int, kPyramidLevels> attempted{}, found{};
-  double sigma = 0;               // robust scale of the normalised residuals
-  bool coarse_stage = false;      // the coarse stage was run
-  bool relocalised = false;       // came back from lost in this frame
+  double sigma = 0;           // robust scale of the normalised residuals
+  bool coarse_stage = false;  // the coarse stage was run
+  bool relocalised = false;   // came back from lost in this frame
   bool keyframe_proposed = false;
   int map_points = 0, map_keyframes = 0;
-  std::string message;            // for the user: a refusal, a hint; empty: nothing to say
+  std::string message;  // for the user: a refusal, a hint; empty: nothing to say
   std::vector<TrackedPoint> points;
   std::vector<std::array<Eigen::Vector2f, 2>> trails;  // first, current: before there is a map
   TrackingTimes times;

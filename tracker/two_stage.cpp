@@ -15,7 +15,10 @@ float lap(SteadyClock::time_point* mark) {
 }  // namespace
 
 TwoStageTracker::TwoStageTracker(const CameraModel& camera, const TrackerOptions& options)
-    : camera_(camera), options_(options), projector_(camera, options.min_view_cosine, 3 * options.fine_points), search_(options) {}
+    : camera_(camera),
+      options_(options),
+      projector_(camera, options.min_view_cosine, 3 * options.fine_points),
+      search_(options) {}
 
 void TwoStageTracker::try_candidate(const TrackingSnapshot& map, const FrameImages& frame, const Candidate& candidate,
                                     double radius_px, bool align_directly, TwoStageResult* out) {
@@ -45,11 +48,13 @@ bool TwoStageTracker::coarse_stage(const TrackingSnapshot& map, const FrameImage
   auto mark = SteadyClock::now();
   // The highest levels first, until there are enough points (PTAM §5.5).
   std::vector<Candidate> coarse;
-  for (int level = kPyramidLevels - 1; level >= 1 && static_cast<int>(coarse.size()) < options_.coarse_points; --level) {
+  for (int level = kPyramidLevels - 1; level >= 1 && static_cast<int>(coarse.size()) < options_.coarse_points;
+       --level) {
     std::vector<Candidate> of_level;
     for (const Candidate& c : candidates_)
       if (c.level == level) of_level.push_back(c);
-    choose_spread(of_level, map, camera_.width(), camera_.height(), options_.coarse_points - static_cast<int>(coarse.size()), &chosen_);
+    choose_spread(of_level, map, camera_.width(), camera_.height(),
+                  options_.coarse_points - static_cast<int>(coarse.size()), &chosen_);
     for (int i : chosen_) coarse.push_back(of_level[i]);
   }
   for (const Candidate& c : coarse) {
@@ -95,8 +100,8 @@ void TwoStageTracker::track(const TrackingSnapshot& map, const FrameImages& fram
 
   if (request.coarse) out->coarse_used = coarse_stage(map, frame, request.coarse_radius_px, out);
   // Without a coarse pose the prior is only as good as the motion model.
-  const double radius = out->coarse_used ? request.fine_radius_px
-                                         : std::max(request.fine_radius_px, options_.fine_radius_no_coarse_px);
+  const double radius =
+      out->coarse_used ? request.fine_radius_px : std::max(request.fine_radius_px, options_.fine_radius_no_coarse_px);
   fine_stage(map, frame, radius, out);
   mark = SteadyClock::now();
   refine(map, out);

@@ -14,9 +14,9 @@
 namespace parallax {
 
 struct TwoStageRequest {
-  RigidTransform prior;           // camera_from_world
-  bool coarse = true;             // run the coarse stage
-  double coarse_radius_px = 30;   // level 0
+  RigidTransform prior;          // camera_from_world
+  bool coarse = true;            // run the coarse stage
+  double coarse_radius_px = 30;  // level 0
   double fine_radius_px = 8;
 };
 
@@ -25,14 +25,14 @@ struct MatchedPoint {
   std::int8_t level = 0;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // level 0
   double sigma_px = 1;
-  float weight = 0;      // Tukey weight at the end: 0 is an outlier
+  float weight = 0;  // Tukey weight at the end: 0 is an outlier
 };
 
 struct TwoStageResult {
-  bool ok = false;                    // a pose could be computed; its quality is another matter
+  bool ok = false;  // a pose could be computed; its quality is another matter
   RigidTransform camera_from_world;
   std::vector<MatchedPoint> matches;
-  std::vector<Candidate> missed;      // searched, not found
+  std::vector<Candidate> missed;  // searched, not found
   std::array<int, kPyramidLevels> attempted{}, found{};
   bool coarse_used = false;
   double sigma = 0;
@@ -46,15 +46,16 @@ class TwoStageTracker {
  public:
   TwoStageTracker(const CameraModel& camera, const TrackerOptions& options);
 
-  void track(const TrackingSnapshot& map, const FrameImages& frame, const TwoStageRequest& request, TwoStageResult* out);
+  void track(const TrackingSnapshot& map, const FrameImages& frame, const TwoStageRequest& request,
+             TwoStageResult* out);
 
   void clear_cache() { search_.clear(); }
 
  private:
   bool coarse_stage(const TrackingSnapshot& map, const FrameImages& frame, double radius_px, TwoStageResult* out);
   void fine_stage(const TrackingSnapshot& map, const FrameImages& frame, double radius_px, TwoStageResult* out);
-  void try_candidate(const TrackingSnapshot& map, const FrameImages& frame, const Candidate& candidate, double radius_px,
-                     bool align_directly, TwoStageResult* out);
+  void try_candidate(const TrackingSnapshot& map, const FrameImages& frame, const Candidate& candidate,
+                     double radius_px, bool align_directly, TwoStageResult* out);
   void refine(const TrackingSnapshot& map, TwoStageResult* out);
 
   CameraModel camera_;
@@ -62,7 +63,7 @@ class TwoStageTracker {
   MapProjector projector_;
   PatchSearch search_;
   std::vector<Candidate> candidates_;
-  std::vector<std::uint8_t> tried_;   // per row: searched in the coarse stage
+  std::vector<std::uint8_t> tried_;  // per row: searched in the coarse stage
   std::vector<int> chosen_;
   std::vector<PoseObservation> observations_;
   std::vector<float> weights_;
