@@ -120,6 +120,7 @@ void run_realtime(FrameSource* source, const CameraModel& camera, const RunOptio
     if (observer) observer(*frame, result, map->snapshot()->plane);
     keep(std::move(result), out);
   }
+  camera_thread.request_stop();  // when the mapper failed, the rest of the recording is not waited for
   camera_thread.join();
   collect_warnings(source, out);
   // The tracker has stopped: no new keyframes come, so the mapper finishes its work within a limit.
