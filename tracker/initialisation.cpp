@@ -31,6 +31,7 @@ void Initialisation::reset() {
   last_.reset();
   pending_.reset();
   accepted_.reset();
+  refusal_.clear();
 }
 
 void Initialisation::start(const Frame& frame, const std::shared_ptr<const FrameImages>& images) {
@@ -107,7 +108,7 @@ Initialisation::Step Initialisation::step(
       out.state = TrackingState::trailing;
       return out;
     }
-    out.message = "press Space, then slide the camera sideways";
+    out.message = refusal_.empty() ? "press Space, then slide the camera sideways" : refusal_;
     return out;
   }
   follow(images);
@@ -150,8 +151,9 @@ Initialisation::Step Initialisation::step(
   } else if (key_press) {
     if (request(frame, images, give_away)) out.state = TrackingState::initialising;
   } else if (alive < kMinTrails / 2) {
-    out.message = "too few patches could be followed: press Space to start again, and move more slowly";
     reset();
+    refusal_ = "too few patches could be followed: press Space to start again, and move more slowly";
+    out.message = refusal_;
     out.state = TrackingState::waiting;
   }
   return out;

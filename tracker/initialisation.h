@@ -58,6 +58,7 @@ class Initialisation {
   double next_motion_px_ = 0;  // automatic: tried again at this median trail length
   std::optional<std::future<InitialisationReply>> pending_;
   std::optional<InitialisationReply> accepted_;
+  std::string refusal_;  // why the last try came to nothing: said until the next key press
 };
 
 }  // namespace parallax

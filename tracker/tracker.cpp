@@ -96,6 +96,7 @@ void Tracker::follow_map_changes(const TrackingSnapshot& map) {
     touched_.clear();
     two_stage_.clear_cache();
     relocaliser_.clear();
+    if (map.empty()) initialisation_.reset();  // the user's reset drops the trails too
     if (tracking_) {
       tracking_ = false;
       initialisation_.reset();
