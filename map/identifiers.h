@@ -1,5 +1,5 @@
-// Identifiers of what a map holds. They order by age and are never reused within one map; after a reset they start again
-// from 0, which is what TrackingSnapshot::map_version tells apart.
+// Identifiers of what a map holds. They order by age and are never reused within one map; after a reset they start
+// again from 0, which is what TrackingSnapshot::map_version tells apart.
 #pragma once
 
 #include <compare>
