@@ -241,7 +241,7 @@ TEST_F(FrameSourceTest, SixteenBitsByTheFirstImagesDepth) {
     cv::Mat1w deep(240, 320);
     for (int y = 0; y < 240; ++y) {
       for (int x = 0; x < 320; ++x)
-        deep(y, x) = static_cast<std::uint16_t>((y * 320 + x) * ((1 << bits) - 1) / (240 * 320 - 1));
+        deep(y, x) = static_cast<std::uint16_t>(std::int64_t{y * 320 + x} * ((1 << bits) - 1) / (240 * 320 - 1));
     }
     const std::string name = "deep" + std::to_string(bits);
     put_image(name + "/0.png", deep);
