@@ -15,5 +15,8 @@ inline constexpr int kExitBadInput = 2;  // bad usage or bad input
 // `exit_code` outlives the parser and starts as kExitDone.
 void add_run_command(CLI::App& app, int* exit_code);
 void add_eval_command(CLI::App& app, int* exit_code);
+void add_live_command(CLI::App& app, int* exit_code);
+void add_cameras_command(CLI::App& app, int* exit_code);
+void add_calibrate_command(CLI::App& app, int* exit_code);
 
 }  // namespace parallax

@@ -16,6 +16,7 @@
 #include <string>
 
 #include "app/command.h"
+#include "app/live_options.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/log.h"
@@ -83,7 +84,10 @@ int parse_and_run(int argc, char** argv) {
   set_up_logging(level);
 
   int exit_code = kExitDone;
+  add_live_command(app, &exit_code);
   add_run_command(app, &exit_code);
+  add_cameras_command(app, &exit_code);
+  add_calibrate_command(app, &exit_code);
   add_eval_command(app, &exit_code);
   app.require_subcommand(0, 1);
 
@@ -99,11 +103,7 @@ int parse_and_run(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     throw InputError(std::string(e.what()) + " (`parallax --help` shows the usage)");
   }
-  if (app.get_subcommands().empty()) {
-    std::cout << app.help();
-    throw InputError("say which command; the live window comes in a later version");
-  }
-  return exit_code;
+  return app.get_subcommands().empty() ? run_live({}) : exit_code;
 }
 
 int run_program(int argc, char** argv) {

@@ -5,6 +5,7 @@
 
 #include "app/command.h"
 #include "app/progress_bar.h"
+#include "app/replay_session.h"
 #include "app/run_drawing.h"
 #include "app/run_outputs.h"
 #include "app/run_session.h"
@@ -16,7 +17,7 @@ namespace parallax {
 namespace {
 
 struct RunArguments {
-  std::string source, calibration, init = "auto", pace = "realtime";
+  std::string source, calibration, init = "auto", pace;
   std::string trajectory, keyframes, points, timing, report, video, frames, truth;
   int start = 0, count = -1, threads = 1;
   double speed = 1.0;
@@ -66,10 +67,21 @@ Trajectory true_trajectory(const FrameSource& frames, const std::string& name) {
   return out;
 }
 
-int run(const RunArguments& args) {
+// A recorded session is replayed as it ran, unless something else is asked for: null then.
+RecordingSource* source_to_replay(const RunArguments& args, const OpenedSource& opened) {
+  auto* recording = dynamic_cast<RecordingSource*>(opened.frames.get());
+  const bool possible = recording && can_replay(*recording);
+  const bool changed = args.init != "auto" || args.start > 0 || !args.calibration.empty() || !args.settings.empty();
+  if (args.pace == "replay") {
+    if (!possible) throw InputError("--pace replay: " + args.source + " is no recorded session");
+    if (changed) throw InputError("--pace replay: a session is replayed with its own settings, found others");
+  }
+  return possible && !changed && (args.pace.empty() || args.pace == "replay") ? recording : nullptr;
+}
+
+int run(RunArguments args) {
   RunOptions options;
   options.key_presses = parse_init(args.init);
-  options.pace = args.pace == "lockstep" ? Pace::lockstep : Pace::realtime;
   options.speed = args.speed;
   options.mapper.threads = args.threads;
   apply_settings(args.settings, &options);
@@ -79,22 +91,33 @@ int run(const RunArguments& args) {
   source_options.start_frame = args.start;
   source_options.max_frames = args.count;
   OpenedSource opened = open_source(args.source, args.calibration, source_options);
+  RecordingSource* const replayed = source_to_replay(args, opened);
+  if (args.pace.empty()) args.pace = replayed ? "replay" : "realtime";
+  options.pace = args.pace == "lockstep" ? Pace::lockstep : Pace::realtime;
+  if (replayed) options = recorded_options(*replayed, options);
   const int total = opened.frames->frame_count();
   check_frame_numbers(args, options, total);
   const double fps = opened.frames->frames_per_second();
   const Trajectory truth = args.truth.empty() ? Trajectory{} : true_trajectory(*opened.frames, args.source);
-  const auto source = make_read_ahead(std::move(opened.frames));
+  std::unique_ptr<FrameSource> source = std::move(opened.frames);
+  if (!replayed) source = make_read_ahead(std::move(source));
   std::unique_ptr<RunDrawing> drawing;
-  if (draws) drawing = std::make_unique<RunDrawing>(opened.camera, fps, args.video, args.frames);
+  const DrawingPace drawing_pace = args.pace == "realtime" ? DrawingPace::keep_up : DrawingPace::wait;
+  if (draws)
+    drawing = std::make_unique<RunDrawing>(opened.camera, fps, args.video, args.frames, drawing_pace,
+                                           !options.automatic_initialisation());
   RunResult result;
+  ReplayReport replay;
   {
     ProgressBar progress("tracking", total);
     int done = 0;
-    result = run_session(source.get(), opened.camera, options,
-                         [&](const Frame& frame, const TrackingResult& tracked, const std::optional<Plane>& plane) {
-                           if (drawing) drawing->draw(frame, tracked, plane);
-                           progress.update(++done, to_string(tracked.state));
-                         });
+    const FrameObserver observer = [&](const Frame& frame, const TrackingResult& tracked,
+                                       const std::shared_ptr<const TrackingSnapshot>& map) {
+      if (drawing) drawing->draw(frame, tracked, map);
+      progress.update(++done, to_string(tracked.state));
+    };
+    result = replayed ? replay_session(replayed, options, observer, &replay)
+                      : run_session(source.get(), opened.camera, options, observer);
   }
   if (drawing) drawing->close();
   for (const SourceWarning& w : result.warnings) std::cerr << "parallax: warning: " << w.text << '\n';
@@ -109,6 +132,13 @@ int run(const RunArguments& args) {
   }
   std::cout << summary_text(result);
   if (!args.video.empty()) std::cout << "video: " << args.video << '\n';
+  if (drawing && drawing->left_out() > 0)
+    std::cerr << "parallax: warning: " << drawing->left_out() << " frames were not drawn, which took too long\n";
+  if (replayed && replay.verdict == ReplayReport::Verdict::different) {
+    std::cerr << "parallax: " << replay.text << '\n';
+    return kExitFailed;
+  }
+  if (replayed) std::cout << replay.text << '\n';
   if (tracked_anything(result)) return kExitDone;
   std::cerr << "parallax: tracking never started: " << why_not_started(result) << '\n';
   return kExitFailed;
@@ -119,14 +149,18 @@ int run(const RunArguments& args) {
 void add_run_command(CLI::App& app, int* exit_code) {
   auto args = std::make_shared<RunArguments>();
   CLI::App* command = app.add_subcommand("run", "Track and map a recording, headless");
-  command->add_option("source", args->source, "Video file, data-set folder, image folder, or synthetic:NAME")
+  command
+      ->add_option("source", args->source,
+                   "Video file, data-set folder, image folder, recorded session, or synthetic:NAME")
       ->required();
   command->add_option("--calibration", args->calibration, "Calibration file; default: the one the source carries");
   command->add_option("--init", args->init, "auto, or the frame numbers A,B of the two key presses")
       ->capture_default_str();
-  command->add_option("--pace", args->pace, "realtime: frames arrive at their time stamps; lockstep: deterministic")
-      ->check(CLI::IsMember({"realtime", "lockstep"}))
-      ->capture_default_str();
+  command
+      ->add_option("--pace", args->pace,
+                   "realtime: frames arrive at their time stamps; lockstep: deterministic; replay: as a recorded "
+                   "session ran, the default for those, else realtime")
+      ->check(CLI::IsMember({"realtime", "lockstep", "replay"}));
   command->add_option("--speed", args->speed, "Realtime: frames arrive so many times faster than their time stamps say")
       ->check(CLI::Range(0.001, 1000.0))
       ->capture_default_str();

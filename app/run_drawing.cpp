@@ -1,67 +1,129 @@
 #include "app/run_drawing.h"
 
+#include <algorithm>
 #include <cstdio>
+#include <exception>
 #include <filesystem>
-#include <vector>
+#include <future>
+#include <optional>
+#include <thread>
 
+#include "app/offscreen_view.h"
 #include "camera/image_writer.h"
+#include "camera/video_writer.h"
+#include "core/bounded_queue.h"
 #include "core/error.h"
-#include "render/overlay.h"
 
 namespace parallax {
+namespace {
 
-RunDrawing::RunDrawing(const CameraModel& camera, double frames_per_second, const std::string& video_path,
-                       const std::string& frames_folder)
-    : camera_(camera), folder_(frames_folder) {
-  if (!video_path.empty())
-    video_.emplace(video_path, frames_per_second > 0 ? frames_per_second : 30.0,
-                   cv::Size(camera.width(), camera.height()));
-  if (!folder_.empty()) {
-    std::error_code error;
-    std::filesystem::create_directories(folder_, error);
-    if (error) throw RunError(folder_ + ": cannot be made: " + error.message());
-  }
+constexpr double kDefaultRate = 30;
+// A frame that waits holds its images (and shares in the map's): grey and colour.
+constexpr std::size_t kKeptBytes = std::size_t{160} << 20;
+constexpr std::size_t kBytesPerPixel = 4;
+constexpr std::size_t kWaiting = 3;  // frames queued when the tracker waits anyway
+
+struct Job {
+  Frame frame;
+  TrackingResult tracked;
+  std::shared_ptr<const TrackingSnapshot> map;
+};
+
+std::size_t capacity(const CameraModel& camera, DrawingPace pace, std::size_t most_kept) {
+  if (most_kept > 0) return most_kept;
+  if (pace == DrawingPace::wait) return kWaiting;
+  const auto pixels = static_cast<std::size_t>(camera.width()) * static_cast<std::size_t>(camera.height());
+  return std::clamp<std::size_t>(kKeptBytes / (kBytesPerPixel * pixels), 8, 512);
 }
 
-std::string state_line(const TrackingResult& tracked) {
-  char text[160];
-  if (!tracked.camera_from_world) {
-    std::snprintf(text, sizeof text, "%s  %s", to_string(tracked.state), tracked.message.c_str());
-    return text;
-  }
-  std::snprintf(text, sizeof text, "%s  %d/%d found  %d keyframes  %d points  %.1f ms", to_string(tracked.quality),
-                tracked.total_found(), tracked.total_attempted(), tracked.map_keyframes, tracked.map_points,
-                static_cast<double>(tracked.times.total));
-  return text;
-}
+}  // namespace
 
-void RunDrawing::draw(const Frame& frame, const TrackingResult& tracked, const std::optional<Plane>& plane) {
-  OverlayInput input;
-  input.background = frame.colour.empty() ? cv::Mat(frame.grey) : cv::Mat(frame.colour);
-  input.camera = camera_;
-  input.tracked = tracked.camera_from_world.has_value();
-  if (input.tracked) input.camera_from_world = *tracked.camera_from_world;
-  input.coarse_stage = tracked.coarse_stage;
-  std::vector<OverlayPoint> points;
-  for (const TrackedPoint& p : tracked.points)
-    if (p.found) points.push_back({p.pixel, p.level, true});
-  input.points = points;
-  std::vector<OverlayTrail> trails;
-  for (const auto& t : tracked.trails) trails.push_back({t[0], t[1]});
-  input.trails = trails;
-  if (plane) input.grid = OverlayGrid{plane->world_from_plane, plane->extent_m, 10};
-  input.state_line = state_line(tracked);
-  const cv::Mat3b picture = draw_overlay(input);
-  if (video_) video_->write(picture);
-  if (!folder_.empty()) {
+struct RunDrawing::Implementation {
+  Implementation(const CameraModel& lens, DrawingPace draw_pace, std::size_t most_kept)
+      : camera(lens), pace(draw_pace), queue(capacity(lens, draw_pace, most_kept)) {}
+
+  CameraModel camera;
+  DrawingPace pace;
+  HintOptions hints;
+  std::optional<VideoWriter> video;  // the drawing thread's, once that runs
+  std::string folder;
+  BoundedQueue<Job> queue;
+  int left_out = 0;
+  bool closed = false;
+  std::promise<void> started;
+  std::promise<void> ended;  // with what went wrong
+  std::future<void> end = ended.get_future();
+  std::jthread thread;
+
+  void write(const Frame& frame, const cv::Mat3b& picture) {
+    if (video) video->write(picture);
+    if (folder.empty()) return;
     char name[32];
     std::snprintf(name, sizeof name, "%06d.png", frame.index);
-    write_png((std::filesystem::path(folder_) / name).string(), picture);
+    write_png((std::filesystem::path(folder) / name).string(), picture);
   }
+
+  void run(const std::stop_token& stop) {
+    std::optional<OffscreenView> view;
+    try {
+      view.emplace(camera, hints);
+    } catch (...) {
+      started.set_exception(std::current_exception());
+      ended.set_value();
+      return;
+    }
+    started.set_value();
+    try {
+      while (auto job = queue.pop(stop)) write(job->frame, view->draw(job->frame, job->tracked, job->map.get()));
+      if (video && !stop.stop_requested()) video->close();
+      ended.set_value();
+    } catch (...) {
+      ended.set_exception(std::current_exception());
+      queue.close();
+    }
+  }
+
+  // Ends the queue and waits; throws what the drawing thread threw.
+  void finish() {
+    if (closed) return;
+    closed = true;
+    queue.close();
+    end.get();
+  }
+};
+
+RunDrawing::RunDrawing(const CameraModel& camera, double frames_per_second, const std::string& video_path,
+                       const std::string& frames_folder, DrawingPace pace, bool manual, std::size_t most_kept)
+    : implementation_(std::make_unique<Implementation>(camera, pace, most_kept)) {
+  Implementation& self = *implementation_;
+  self.hints.automatic = !manual;
+  self.folder = frames_folder;
+  if (!video_path.empty())
+    self.video.emplace(video_path, frames_per_second > 0 ? frames_per_second : kDefaultRate,
+                       cv::Size(camera.width(), camera.height()));
+  if (!frames_folder.empty()) {
+    std::error_code error;
+    std::filesystem::create_directories(frames_folder, error);
+    if (error) throw RunError(frames_folder + ": cannot be made: " + error.message());
+  }
+  self.thread = std::jthread([&self](const std::stop_token& stop) { self.run(stop); });
+  self.started.get_future().get();
 }
 
-void RunDrawing::close() {
-  if (video_) video_->close();
+RunDrawing::~RunDrawing() = default;
+
+void RunDrawing::draw(const Frame& frame, const TrackingResult& tracked,
+                      const std::shared_ptr<const TrackingSnapshot>& map) {
+  Implementation& self = *implementation_;
+  Job job{frame, tracked, map};
+  const bool taken = self.pace == DrawingPace::wait ? self.queue.push(std::move(job)) : self.queue.try_push(job);
+  if (taken) return;
+  if (self.queue.closed()) self.finish();
+  ++self.left_out;
 }
+
+void RunDrawing::close() { implementation_->finish(); }
+
+int RunDrawing::left_out() const { return implementation_->left_out; }
 
 }  // namespace parallax

@@ -1,34 +1,49 @@
-// `run --video` and `--frames`: the recording with points, grid and state line drawn in.
+// `run --video` and `--frames`, and `live --headless --video`: what the window would show, as a video or as pictures.
+// Drawing and writing happen on a thread of their own.
 #pragma once
 
+#include <cstddef>
 #include <memory>
-#include <optional>
 #include <string>
 
-#include "camera/video_writer.h"
+#include "core/camera_model.h"
 #include "core/frame.h"
-#include "map/entities.h"
+#include "map/tracking_snapshot.h"
 #include "tracker/tracking_types.h"
 
 namespace parallax {
 
-// Used on the tracking thread. Throws RunError when an output cannot be written.
-class RunDrawing {
- public:
-  // Either path may be empty. The folder of `frames_folder` is made when it is not there.
-  RunDrawing(const CameraModel& camera, double frames_per_second, const std::string& video_path,
-             const std::string& frames_folder);
-
-  void draw(const Frame& frame, const TrackingResult& tracked, const std::optional<Plane>& plane);
-  void close();
-
- private:
-  CameraModel camera_;
-  std::optional<VideoWriter> video_;
-  std::string folder_;
+// What happens when frames come faster than they are drawn.
+enum class DrawingPace {
+  wait,     // draw() waits: no frame is missing (lockstep)
+  keep_up,  // draw() never waits: frames are kept until the memory for them is used up, then left out and counted
 };
 
-// The state line: "good  712/804 found  17 keyframes  2434 points  3.1 ms".
-std::string state_line(const TrackingResult& tracked);
+// draw() and close() belong to one thread. Both throw RunError when an output cannot be written, if need be one that
+// an earlier frame ran into.
+class RunDrawing {
+ public:
+  // Either path may be empty. The folder of `frames_folder` is made when it is not there. Throws InputError and
+  // RunError. `manual`: the key is the user's; the hints ask for it.
+  RunDrawing(const CameraModel& camera, double frames_per_second, const std::string& video_path,
+             const std::string& frames_folder, DrawingPace pace = DrawingPace::wait, bool manual = false,
+             std::size_t most_kept = 0);
+  // Without close(): what is queued is forgotten, and no video is left.
+  ~RunDrawing();
+  RunDrawing(const RunDrawing&) = delete;
+  RunDrawing& operator=(const RunDrawing&) = delete;
+
+  // Hands a frame over; images and map are shared with the caller and must not change. `map` may be null.
+  void draw(const Frame& frame, const TrackingResult& tracked, const std::shared_ptr<const TrackingSnapshot>& map);
+  // Draws what is queued, and finishes the video.
+  void close();
+
+  // Frames that were left out; DrawingPace::keep_up only.
+  int left_out() const;
+
+ private:
+  struct Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
 
 }  // namespace parallax

@@ -1,7 +1,9 @@
 // One run of the tracker and mapper on a source: two threads at the pace of the time stamps, or lockstep.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -21,17 +23,25 @@ struct RunOptions {
   // Realtime: how fast time passes. 0.1: frames arrive ten times slower than their time stamps say, for a machine or a
   // build that is slow.
   double speed = 1.0;
-  // Frame numbers of the two key presses; nothing: chosen automatically.
+  // Frame numbers of the two key presses; nothing: chosen automatically...
   std::optional<std::pair<int, int>> key_presses;
+  // ...unless a user presses the key (LiveSession::press_initialise).
+  bool manual_initialisation = false;
+  // RunResult::frames: all, or the newest so many at least (a session without an end).
+  std::size_t kept_frames = std::numeric_limits<std::size_t>::max();
   TrackerOptions tracker;
   MapperOptions mapper;
+
+  bool automatic_initialisation() const { return !key_presses && !manual_initialisation; }
 };
 
 struct RunResult {
-  std::vector<TrackingResult> frames;   // every frame delivered to the tracker, without points and trails
+  std::vector<TrackingResult> frames;   // delivered to the tracker, without points and trails
   std::vector<SourceWarning> warnings;  // of the source
   int frames_read = 0;
-  int frames_dropped = 0;  // realtime: the tracker was not ready for them
+  int frames_dropped = 0;    // realtime: the tracker was not ready for them
+  int frames_delivered = 0;  // to the tracker, kept or not
+  int frames_tracked = 0;    // of those, with a pose
   double wall_seconds = 0;
   MapperStatistics mapper;
   Map map;  // as it was at the end
@@ -41,8 +51,10 @@ struct RunResult {
   std::vector<float> snapshot_waits_ms;
 };
 
-// Called on the tracking thread after each frame, with the frame, the result with its points, and the map's plane.
-using FrameObserver = std::function<void(const Frame&, const TrackingResult&, const std::optional<Plane>&)>;
+// Called on the tracking thread after each frame, with the frame, the result with its points, and the map that it was
+// tracked with (never null).
+using FrameObserver =
+    std::function<void(const Frame&, const TrackingResult&, const std::shared_ptr<const TrackingSnapshot>&)>;
 
 // Runs to the end of the source. Mapping goes on after the last frame until there is nothing left to do (in realtime:
 // for at most a few seconds).

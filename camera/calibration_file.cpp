@@ -1,12 +1,9 @@
 #include "camera/calibration_file.h"
 
 #include <algorithm>
-#include <charconv>
 #include <exception>
 #include <filesystem>
 #include <fstream>
-#include <ostream>
-#include <sstream>
 #include <system_error>
 
 #include "camera/calibration_formats.h"
@@ -103,36 +100,6 @@ CameraModel read_calibration(const std::string& path, int camera_index, int widt
   stream.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(std::max<std::streamsize>(stream.gcount(), 0)));
   return parse_calibration(text, path, camera_index, width, height);
-}
-
-std::string format_calibration(const CameraModel& camera) {
-  std::ostringstream out;
-  const auto line = [&out](const char* key, double value) {
-    char digits[32];  // the shortest text that reads back to the same value
-    const auto result = std::to_chars(digits, digits + sizeof digits, value);
-    out << "Camera." << key << ": " << std::string_view(digits, static_cast<std::size_t>(result.ptr - digits)) << "\n";
-  };
-  out << "%YAML:1.0\n# focal lengths and centre in pixels; pixel centres at integer coordinates\n";
-  out << "Camera.model: " << to_string(camera.kind()) << "\n";
-  out << "Camera.width: " << camera.width() << "\nCamera.height: " << camera.height() << "\n";
-  line("fx", camera.focal_px().x());
-  line("fy", camera.focal_px().y());
-  line("cx", camera.centre_px().x());
-  line("cy", camera.centre_px().y());
-  constexpr const char* radtan[] = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
-  constexpr const char* kannala_brandt[] = {"k1", "k2", "k3", "k4"};
-  for (int i = 0; i < camera.n_distortion(); ++i) {
-    const double value = camera.distortion()[static_cast<std::size_t>(i)];
-    if (camera.kind() == CameraModelKind::fov) line("omega", value);
-    if (camera.kind() == CameraModelKind::radtan) line(radtan[i], value);
-    if (camera.kind() == CameraModelKind::kannala_brandt) line(kannala_brandt[i], value);
-  }
-  return out.str();
-}
-
-void write_calibration(const CameraModel& camera, const std::string& path) {
-  const std::string text = format_calibration(camera);
-  write_file_atomically(path, [&text](std::ostream& out) { out << text; });
 }
 
 }  // namespace parallax

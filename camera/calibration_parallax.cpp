@@ -42,8 +42,9 @@ std::vector<double> read_radtan_keys(const CalibrationNode& root, const std::str
 bool is_parallax(const CalibrationNode& root) { return root.has("Camera.model"); }
 
 CameraModel read_parallax(const CalibrationNode& root, const Request& request) {
-  require_single_camera(request);
-  const std::string p = "Camera.", model = root.text("Camera.model");
+  const bool right = request.camera_index == 1 && root.has("Right.model");
+  if (!right) require_single_camera(request);
+  const std::string p = right ? "Right." : "Camera.", model = root.text(p + "model");
   CameraModelKind kind{};
   std::vector<std::string> known;
   if (model == "pinhole") {
@@ -58,7 +59,7 @@ CameraModel read_parallax(const CalibrationNode& root, const Request& request) {
     kind = CameraModelKind::fov;
     known = {"omega"};
   } else {
-    root.fail("Camera.model", "pinhole, radtan, kannala_brandt or fov");
+    root.fail(p + "model", "pinhole, radtan, kannala_brandt or fov");
   }
   // A parameter that the model would pass over in silence is a mistake.
   for (const char* key : {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "omega"})
@@ -66,8 +67,8 @@ CameraModel read_parallax(const CalibrationNode& root, const Request& request) {
       root.fail(p + key, "no such parameter of the model " + model);
 
   Intrinsics in = read_intrinsics(root, p);
-  in.width = root.image_side("Camera.width");
-  in.height = root.image_side("Camera.height");
+  in.width = root.image_side(p + "width");
+  in.height = root.image_side(p + "height");
   std::vector<double> d;
   if (kind == CameraModelKind::radtan) d = read_radtan_keys(root, p);
   if (kind == CameraModelKind::kannala_brandt) d = read_keys(root, p, {"k1", "k2", "k3", "k4"});

@@ -9,6 +9,7 @@
 
 #include "camera/image_file.h"
 #include "camera/image_sequence.h"
+#include "camera/recording_source.h"
 #include "camera/video_source.h"
 #include "core/error.h"
 
@@ -75,6 +76,7 @@ std::unique_ptr<FrameSource> open_frame_source(const std::string& source, const 
   if (!fs::is_regular_file(status)) {
     throw InputError(source + ": found a device or pipe, expected a video file or a folder");
   }
+  if (is_recording_file(source)) return std::make_unique<RecordingSource>(source, options);
   check_regular_file(source);
   return open_video_source(source, options);
 }

@@ -1,9 +1,10 @@
 // A table keyed by identifiers of one session: look-up by index, iteration in order of age, removal without moving
-// others.
+// others. What is removed costs a pointer from then on, since identifiers are never given out twice.
 #pragma once
 
-#include <optional>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/check.h"
@@ -14,22 +15,42 @@ namespace parallax {
 template <class Id, class T>
 class IdTable {
  public:
+  IdTable() = default;
+  IdTable(const IdTable& other) : size_(other.size_) {
+    slots_.reserve(other.slots_.size());
+    for (const auto& slot : other.slots_) slots_.push_back(slot ? std::make_unique<T>(*slot) : nullptr);
+  }
+  IdTable& operator=(const IdTable& other) {
+    if (this != &other) *this = IdTable(other);
+    return *this;
+  }
+  IdTable(IdTable&& other) noexcept : slots_(std::move(other.slots_)), size_(std::exchange(other.size_, 0)) {
+    other.slots_.clear();
+  }
+  IdTable& operator=(IdTable&& other) noexcept {
+    slots_ = std::move(other.slots_);
+    other.slots_.clear();
+    size_ = std::exchange(other.size_, 0);
+    return *this;
+  }
+  ~IdTable() = default;
+
   // The identifier that the next insert() will give out.
   Id next_id(std::int32_t session = 0) const { return Id{session, static_cast<std::int32_t>(slots_.size())}; }
 
   Id insert(T value, std::int32_t session = 0) {
     const Id id = next_id(session);
     value.id = id;
-    slots_.emplace_back(std::move(value));
+    slots_.push_back(std::make_unique<T>(std::move(value)));
     ++size_;
     return id;
   }
 
   bool contains(Id id) const {
-    return id.index >= 0 && static_cast<std::size_t>(id.index) < slots_.size() && slots_[id.index].has_value();
+    return id.index >= 0 && static_cast<std::size_t>(id.index) < slots_.size() && slots_[id.index] != nullptr;
   }
-  const T* find(Id id) const { return contains(id) ? &*slots_[id.index] : nullptr; }
-  T* find(Id id) { return contains(id) ? &*slots_[id.index] : nullptr; }
+  const T* find(Id id) const { return contains(id) ? slots_[id.index].get() : nullptr; }
+  T* find(Id id) { return contains(id) ? slots_[id.index].get() : nullptr; }
 
   const T& at(Id id) const {
     PARALLAX_CHECK(contains(id), "no entry " + std::to_string(id.index));
@@ -73,20 +94,20 @@ class IdTable {
 
    private:
     void skip() {
-      while (p_ != end_ && !p_->has_value()) ++p_;
+      while (p_ != end_ && !*p_) ++p_;
     }
     Slot* p_;
     Slot* end_;
   };
-  using const_iterator = Iterator<const std::optional<T>, const T>;
-  using iterator = Iterator<std::optional<T>, T>;
+  using const_iterator = Iterator<const std::unique_ptr<T>, const T>;
+  using iterator = Iterator<std::unique_ptr<T>, T>;
   const_iterator begin() const { return {slots_.data(), slots_.data() + slots_.size()}; }
   const_iterator end() const { return {slots_.data() + slots_.size(), slots_.data() + slots_.size()}; }
   iterator begin() { return {slots_.data(), slots_.data() + slots_.size()}; }
   iterator end() { return {slots_.data() + slots_.size(), slots_.data() + slots_.size()}; }
 
  private:
-  std::vector<std::optional<T>> slots_;
+  std::vector<std::unique_ptr<T>> slots_;
   int size_ = 0;
 };
 

@@ -38,6 +38,7 @@ void Map::clear() {
   keyframes.clear();
   points.clear();
   plane.reset();
+  planes.clear();
 }
 
 void Map::add_measurement(KeyframeId keyframe, const Measurement& measurement) {
@@ -111,11 +112,13 @@ void Map::transform_world(const SimilarityTransform& new_from_old) {
     p.position = new_from_old * p.position;
     p.normal = new_from_old.R * p.normal;
   }
-  if (plane) {
-    plane->world_from_plane.R = new_from_old.R * plane->world_from_plane.R;
-    plane->world_from_plane.t = new_from_old * plane->world_from_plane.t;
-    plane->extent_m *= new_from_old.s;
-  }
+  const auto move = [&](Plane* moved) {
+    moved->world_from_plane.R = new_from_old.R * moved->world_from_plane.R;
+    moved->world_from_plane.t = new_from_old * moved->world_from_plane.t;
+    moved->extent_m *= new_from_old.s;
+  };
+  if (plane) move(&*plane);
+  for (Plane& p : planes) move(&p);
 }
 
 void Map::update_depth(Keyframe* keyframe) const {

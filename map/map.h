@@ -15,7 +15,8 @@ class Map {
  public:
   IdTable<KeyframeId, Keyframe> keyframes;
   IdTable<PointId, MapPoint> points;
-  std::optional<Plane> plane;
+  std::optional<Plane> plane;  // the dominant one
+  std::vector<Plane> planes;   // all of them, the dominant one included, in order of finding
 
   bool empty() const { return keyframes.empty(); }
   void clear();

@@ -65,10 +65,28 @@ struct ResetRequest {
   std::promise<void> done;
 };
 
-using MapperMessage = std::variant<KeyframeProposal, PointCounts, InitialisationRequest, ResetRequest>;
+// Changes of the map that the user asks for.
+struct MapEditReply {
+  bool ok = false;
+  std::string reason;  // one sentence for the user when refused
+};
+// The world is multiplied by the factor about its origin; everything on it follows without a jump.
+struct ScaleRequest {
+  double factor = 1;
+  std::promise<MapEditReply> reply;
+};
+// The dominant plane is looked for again; with a seed point (world), the plane around it joins the map's planes and
+// becomes the dominant one. Planes are in the world as it is: nothing else moves.
+struct PlaneRequest {
+  std::optional<Eigen::Vector3d> seed;
+  std::promise<MapEditReply> reply;
+};
 
-// The mapper's queue. A message that cannot wait (a keyframe, a reset, an initialisation) interrupts the solve in
-// progress. Safe from any thread.
+using MapperMessage =
+    std::variant<KeyframeProposal, PointCounts, InitialisationRequest, ResetRequest, ScaleRequest, PlaneRequest>;
+
+// The mapper's queue. A message that cannot wait (anything but counts) interrupts the solve in progress. Safe from any
+// thread.
 class MapperInbox {
  public:
   explicit MapperInbox(std::size_t capacity) : queue_(capacity) {}
@@ -108,8 +126,22 @@ class MapperInbox {
     MutexLock lock(mutex_);
     interrupt_.request_stop();
   }
+  // For a message that has to arrive (the user's): waits for room, which the interruption of the solve in progress soon
+  // makes. False when closed or stopped.
+  bool push(MapperMessage message, std::stop_token stop = {}) PARALLAX_EXCLUDES(mutex_) {
+    {
+      MutexLock lock(mutex_);
+      ++urgent_waiting_;
+      interrupt_.request_stop();
+    }
+    if (queue_.push(std::move(message), stop)) return true;
+    MutexLock lock(mutex_);
+    --urgent_waiting_;
+    return false;
+  }
   std::size_t size() const { return queue_.size(); }
   void close() { queue_.close(); }
+  bool closed() const { return queue_.closed(); }
 
  private:
   std::optional<MapperMessage> counted(std::optional<MapperMessage> message) PARALLAX_EXCLUDES(mutex_) {

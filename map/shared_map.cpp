@@ -1,8 +1,10 @@
 #include "map/shared_map.h"
 
+#include "map/append_bounded.h"
+
 namespace parallax {
 namespace {
-constexpr std::size_t kMaxSamples = 1000000;
+constexpr std::size_t kSamplesKept = 100000;
 }
 
 SharedMap::SharedMap() : snapshot_(std::make_shared<TrackingSnapshot>()) {}
@@ -11,9 +13,8 @@ SharedMap::Timer::~Timer() {
   using Milliseconds = std::chrono::duration<float, std::milli>;
   const auto end = SteadyClock::now();
   MutexLock lock(map_->times_mutex_);
-  if (map_->times_.wait_ms.size() >= kMaxSamples) return;
-  map_->times_.wait_ms.push_back(Milliseconds(locked_ - start_).count());
-  map_->times_.hold_ms.push_back(Milliseconds(end - locked_).count());
+  append_bounded(Milliseconds(locked_ - start_).count(), kSamplesKept, &map_->times_.wait_ms);
+  append_bounded(Milliseconds(end - locked_).count(), kSamplesKept, &map_->times_.hold_ms);
 }
 
 std::shared_ptr<const TrackingSnapshot> SharedMap::snapshot() const {
@@ -25,7 +26,7 @@ std::shared_ptr<const TrackingSnapshot> SharedMap::snapshot() const {
   }
   const auto wait = std::chrono::duration<float, std::milli>(SteadyClock::now() - start).count();
   MutexLock lock(times_mutex_);
-  if (snapshot_waits_ms_.size() < kMaxSamples) snapshot_waits_ms_.push_back(wait);
+  append_bounded(wait, kSamplesKept, &snapshot_waits_ms_);
   return out;
 }
 
@@ -39,6 +40,8 @@ void SharedMap::publish() {
   numbered->map_version = map_version_;
   numbered->world_from_first = world_from_first_;
   snapshot_ = made;
+  lock.unlock();
+  if (listener_) listener_(made);
 }
 
 void SharedMap::note_world_change(const SimilarityTransform& new_from_old) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -46,12 +47,19 @@ class SharedMap {
   // Builds a snapshot of the map as it is and makes it the tracker's (mapper only).
   void publish() PARALLAX_EXCLUDES(mutex_, snapshot_mutex_);
 
+  // Called at every publication on the thread that publishes; set before there are two threads (a replay keeps every
+  // version until it has been used).
+  void set_publication_listener(std::function<void(std::shared_ptr<const TrackingSnapshot>)> listener) {
+    listener_ = std::move(listener);
+  }
+
   // The world was moved by write(transform_world): the next publication carries the transform (mapper only).
   void note_world_change(const SimilarityTransform& new_from_old) PARALLAX_EXCLUDES(snapshot_mutex_);
   // The map was cleared or made anew: nothing that referred to the old one is valid (mapper only).
   void note_new_map() PARALLAX_EXCLUDES(snapshot_mutex_);
 
-  // Waits and holds of the map's lock since the start (the newest million), and waits for the snapshot pointer alone.
+  // Waits and holds of the map's lock since the start (the newest hundred thousand at least), and waits for the
+  // snapshot pointer alone.
   LockTimes lock_times() const PARALLAX_EXCLUDES(times_mutex_);
   std::vector<float> snapshot_waits_ms() const PARALLAX_EXCLUDES(times_mutex_);
 
@@ -78,6 +86,8 @@ class SharedMap {
   std::uint64_t world_version_ PARALLAX_GUARDED_BY(snapshot_mutex_) = 0;
   std::uint64_t map_version_ PARALLAX_GUARDED_BY(snapshot_mutex_) = 0;
   SimilarityTransform world_from_first_ PARALLAX_GUARDED_BY(snapshot_mutex_);
+
+  std::function<void(std::shared_ptr<const TrackingSnapshot>)> listener_;
 
   mutable Mutex times_mutex_;
   mutable LockTimes times_ PARALLAX_GUARDED_BY(times_mutex_);

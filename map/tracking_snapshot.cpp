@@ -41,6 +41,7 @@ std::shared_ptr<const TrackingSnapshot> make_snapshot(const Map& map) {
     out->quality.push_back(static_cast<std::uint8_t>(std::min<std::size_t>(p.observers.size(), 255)));
   }
   out->plane = map.plane;
+  out->planes = map.planes;
   return out;
 }
 

@@ -42,7 +42,8 @@ struct TrackingSnapshot {
   std::vector<Eigen::Vector2f> source_pixel;  // pixels of source_level
   std::vector<std::uint8_t> quality;          // observers, saturating at 255: better-known points are preferred
 
-  std::optional<Plane> plane;
+  std::optional<Plane> plane;  // the dominant one
+  std::vector<Plane> planes;   // all of them, the dominant one included
 
   int size() const { return static_cast<int>(id.size()); }
   bool empty() const { return keyframes.empty(); }

@@ -54,7 +54,7 @@ void DataAssociation::add_outliers(const std::vector<std::pair<KeyframeId, Point
     if (given_.insert(pair).second) second_chances_.push_back(pair);
 }
 
-int DataAssociation::refine_new_points(SharedMap* map, int max_points, std::stop_token stop, bool* idle) {
+int DataAssociation::refine_new_points(SharedMap* map, int max_points, const Interruption& stop, bool* idle) {
   const std::vector<Job> jobs = map->read([&](const Map& m) {
     std::vector<Job> out;
     for (const MapPoint& p : m.points) {
@@ -79,7 +79,7 @@ int DataAssociation::refine_new_points(SharedMap* map, int max_points, std::stop
   std::vector<Finding> findings;
   std::vector<PointId> done;
   for (const Job& job : jobs) {
-    if (stop.stop_requested()) break;
+    if (stop.requested()) break;
     for (const Target& target : job.targets) {
       const auto predicted = predict_patch(camera_, job.point, job.source_pose, target.pose);
       std::optional<Measurement> m;
@@ -98,9 +98,9 @@ int DataAssociation::refine_new_points(SharedMap* map, int max_points, std::stop
   return added;
 }
 
-int DataAssociation::give_second_chances(SharedMap* map, std::stop_token stop) {
+int DataAssociation::give_second_chances(SharedMap* map, const Interruption& stop) {
   std::vector<Finding> findings;
-  while (!second_chances_.empty() && !stop.stop_requested()) {
+  while (!second_chances_.empty() && !stop.requested()) {
     const auto [keyframe, point] = second_chances_.front();
     second_chances_.pop_front();
     const std::optional<Job> job =
@@ -125,7 +125,17 @@ int DataAssociation::give_second_chances(SharedMap* map, std::stop_token stop) {
   return commit(map, findings);
 }
 
-int DataAssociation::refine(SharedMap* map, int max_points, std::stop_token stop, bool* idle) {
+// Identifiers are not given out twice, so that a pair of what is gone never comes again.
+void DataAssociation::forget_absent(const SharedMap& map) {
+  map.read([this](const Map& m) {
+    std::erase_if(
+        given_, [&](const auto& pair) { return !m.keyframes.contains(pair.first) || !m.points.contains(pair.second); });
+  });
+  forget_above_ = std::max(forget_above_, 2 * given_.size());
+}
+
+int DataAssociation::refine(SharedMap* map, int max_points, const Interruption& stop, bool* idle) {
+  if (given_.size() > forget_above_) forget_absent(*map);
   int added = give_second_chances(map, stop);
   added += refine_new_points(map, max_points, stop, idle);
   return added;

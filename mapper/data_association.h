@@ -4,10 +4,10 @@
 
 #include <deque>
 #include <set>
-#include <stop_token>
 #include <utility>
 #include <vector>
 
+#include "core/interruption.h"
 #include "map/shared_map.h"
 #include "mapper/mapper_options.h"
 
@@ -28,16 +28,18 @@ class DataAssociation {
 
   // Works on at most `max_points` points; stops early when asked. Returns the number of measurements added; `idle` is
   // set when nothing is left to look at.
-  int refine(SharedMap* map, int max_points, std::stop_token stop, bool* idle);
+  int refine(SharedMap* map, int max_points, const Interruption& stop, bool* idle);
 
  private:
-  int refine_new_points(SharedMap* map, int max_points, std::stop_token stop, bool* idle);
-  int give_second_chances(SharedMap* map, std::stop_token stop);
+  int refine_new_points(SharedMap* map, int max_points, const Interruption& stop, bool* idle);
+  void forget_absent(const SharedMap& map);
+  int give_second_chances(SharedMap* map, const Interruption& stop);
 
   CameraModel camera_;
   MapperOptions options_;
   std::deque<std::pair<KeyframeId, PointId>> second_chances_;  // waiting
-  std::set<std::pair<KeyframeId, PointId>> given_;             // ever since the map was made
+  std::set<std::pair<KeyframeId, PointId>> given_;             // ever, while keyframe and point are there
+  std::size_t forget_above_ = 10000;                           // pairs: those of what is gone are forgotten
 };
 
 }  // namespace parallax

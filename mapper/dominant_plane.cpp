@@ -31,6 +31,33 @@ double msac_cost(const Plane& plane, std::span<const Eigen::Vector3d> points, do
 constexpr double kThinTriangle = 0.02;
 // A consensus set is a line when its second standard deviation is below this part of the first.
 constexpr double kLine = 0.02;
+// The last fits take points within this part of the consensus threshold.
+constexpr double kClose = 1.0 / 3.0;
+constexpr int kClosePasses = 3;
+
+// Mean and covariance of the points within the threshold: the eigenvector of the smallest eigenvalue is the normal.
+// False, and nothing changes, when they are too few or lie on a line.
+bool refit(std::span<const Eigen::Vector3d> points, double threshold, Plane* plane, Eigen::Vector3d* centre) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (const auto& p : points)
+    if (std::abs(plane->distance(p)) < threshold) {
+      mean += p;
+      ++count;
+    }
+  if (count < 3) return false;
+  mean /= count;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (const auto& p : points)
+    if (std::abs(plane->distance(p)) < threshold) covariance += (p - mean) * (p - mean).transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance / count);
+  const Eigen::Vector3d variances = eigen.eigenvalues();
+  if (!(variances(1) > kLine * kLine * variances(2))) return false;
+  plane->normal = eigen.eigenvectors().col(0);
+  plane->offset = plane->normal.dot(mean);
+  *centre = mean;
+  return true;
+}
 
 }  // namespace
 
@@ -72,27 +99,12 @@ std::optional<DominantPlane> find_dominant_plane(std::span<const Eigen::Vector3d
   }
   if (!std::isfinite(best_cost)) return std::nullopt;
 
-  // Mean and covariance of the consensus set, twice: the first fit gathers points the triple's own plane missed.
+  // Twice, since the first fit gathers points that the triple's own plane missed.
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (int pass = 0; pass < 2; ++pass) {
-    mean.setZero();
-    int count = 0;
-    for (const auto& p : points)
-      if (std::abs(best.distance(p)) < threshold) {
-        mean += p;
-        ++count;
-      }
-    if (count < 3) return std::nullopt;
-    mean /= count;
-    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-    for (const auto& p : points)
-      if (std::abs(best.distance(p)) < threshold) covariance += (p - mean) * (p - mean).transpose();
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance / count);
-    const Eigen::Vector3d variances = eigen.eigenvalues();
-    if (!(variances(1) > kLine * kLine * variances(2))) return std::nullopt;
-    best.normal = eigen.eigenvectors().col(0);
-    best.offset = best.normal.dot(mean);
-  }
+  for (int pass = 0; pass < 2; ++pass)
+    if (!refit(points, threshold, &best, &mean)) return std::nullopt;
+  for (int pass = 0; options.close_fit && pass < kClosePasses; ++pass)
+    if (!refit(points, kClose * threshold, &best, &mean)) break;
   if (best.distance(viewer) < 0) {
     best.normal = -best.normal;
     best.offset = -best.offset;

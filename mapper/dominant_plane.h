@@ -24,6 +24,9 @@ struct PlaneOptions {
   int hypotheses = 200;
   double threshold_over_depth = 0.02;  // consensus: within this part of the viewer's median distance
   double min_inlier_fraction = 0.25;
+  // The last fits take only what is within a third of the threshold: without what lies on the plane and would lift it.
+  // For points that are known better than that.
+  bool close_fit = false;
 };
 
 // `viewer`: a camera centre on the side that z shall point to. The x axis of the plane is the direction of

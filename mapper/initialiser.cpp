@@ -6,13 +6,11 @@
 #include "core/log.h"
 #include "map/source_patch.h"
 #include "mapper/map_adjustment.h"
+#include "mapper/map_planes.h"
 #include "mapper/point_creation.h"
 
 namespace parallax {
 namespace {
-
-// The plane that is drawn reaches this far beyond its points' spread.
-constexpr double kPlaneExtent = 2.0;
 
 Keyframe make_keyframe(int frame, Timestamp time, const RigidTransform& pose, std::shared_ptr<const FrameImages> images,
                        double depth) {
@@ -25,35 +23,7 @@ Keyframe make_keyframe(int frame, Timestamp time, const RigidTransform& pose, st
   return kf;
 }
 
-std::optional<DominantPlane> plane_of(const Map& map, const MapperOptions& options, std::mt19937_64* rng) {
-  std::vector<Eigen::Vector3d> points;
-  for (const MapPoint& p : map.points) points.push_back(p.position);
-  const Keyframe& first = *map.keyframes.begin();
-  return find_dominant_plane(points, first.centre(), first.camera_from_world.R.transpose().col(0), options.plane, rng);
-}
-
-void set_plane(Map* map, const DominantPlane& plane, const RigidTransform& world_from_plane) {
-  double sum = 0;
-  int n = 0, i = 0;
-  for (const MapPoint& p : map->points) {
-    if (plane.inlier[i++]) {
-      sum += (world_from_plane.inverse() * p.position).head<2>().squaredNorm();
-      ++n;
-    }
-  }
-  map->plane = Plane{world_from_plane, n > 0 ? kPlaneExtent * std::sqrt(0.5 * sum / n) : 0.2};
-}
-
 }  // namespace
-
-bool detect_plane(SharedMap* map, const MapperOptions& options, std::mt19937_64* rng) {
-  return map->write([&](Map& m) {
-    if (m.empty()) return false;
-    const auto plane = plane_of(m, options, rng);
-    if (plane) set_plane(&m, *plane, plane->world_from_plane);
-    return plane.has_value();
-  });
-}
 
 InitialisationReply initialise_map(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
                                    const InitialisationRequest& request, std::mt19937_64* rng) {
@@ -134,9 +104,9 @@ InitialisationReply initialise_map(SharedMap* map, const CameraModel& camera, co
     SimilarityTransform to_scale;
     to_scale.s = options.initial_baseline_m / baseline;
     m.transform_world(to_scale);
-    if (const auto plane = plane_of(m, options, rng)) {
+    if (const auto plane = dominant_plane_of(m, options.plane, rng)) {
       m.transform_world(SimilarityTransform(plane->world_from_plane.inverse()));
-      set_plane(&m, *plane, RigidTransform());
+      set_dominant_plane(&m, *plane, RigidTransform());
     }
     for (Keyframe& kf : m.keyframes) m.update_depth(&kf);
   });

@@ -15,7 +15,4 @@ namespace parallax {
 InitialisationReply initialise_map(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
                                    const InitialisationRequest& request, std::mt19937_64* rng);
 
-// Finds the dominant plane of the map; false when there is none.
-bool detect_plane(SharedMap* map, const MapperOptions& options, std::mt19937_64* rng);
-
 }  // namespace parallax

@@ -112,7 +112,7 @@ void commit(Map* map, const Extracted& solved, const std::vector<std::uint8_t>& 
 }
 
 AdjustmentReport solve_and_commit(SharedMap* map, Extracted extracted, const MapperOptions& options, int iterations,
-                                  std::stop_token stop) {
+                                  const Interruption& stop) {
   AdjustmentReport report;
   const auto start = SteadyClock::now();
   report.poses =
@@ -137,7 +137,7 @@ AdjustmentReport solve_and_commit(SharedMap* map, Extracted extracted, const Map
 }  // namespace
 
 AdjustmentReport adjust_local(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
-                              KeyframeId newest, std::stop_token stop) {
+                              KeyframeId newest, const Interruption& stop) {
   Extracted extracted = map->read([&](const Map& m) {
     const Keyframe* centre = m.keyframes.find(newest);
     if (!centre) return Extracted();
@@ -156,7 +156,7 @@ AdjustmentReport adjust_local(SharedMap* map, const CameraModel& camera, const M
 }
 
 AdjustmentReport adjust_global(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
-                               std::stop_token stop) {
+                               const Interruption& stop) {
   Extracted extracted = map->read([&](const Map& m) { return extract(m, camera, {}, true); });
   return solve_and_commit(map, std::move(extracted), options, options.global_iterations, stop);
 }

@@ -2,10 +2,10 @@
 // Eq. 11, global: Eq. 10.
 #pragma once
 
-#include <stop_token>
 #include <utility>
 #include <vector>
 
+#include "core/interruption.h"
 #include "map/shared_map.h"
 #include "mapper/mapper_options.h"
 #include "solver/bundle_adjustment.h"
@@ -25,10 +25,10 @@ struct AdjustmentReport {
 // The keyframe and its nearest neighbours move, with all points they see; every other keyframe that measures one of the
 // points is held fixed.
 AdjustmentReport adjust_local(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
-                              KeyframeId newest, std::stop_token stop);
+                              KeyframeId newest, const Interruption& stop);
 
 // All keyframes but the fixed first, and all points.
 AdjustmentReport adjust_global(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
-                               std::stop_token stop);
+                               const Interruption& stop);
 
 }  // namespace parallax

@@ -1,9 +1,14 @@
 #include "mapper/mapper.h"
 
+#include <cmath>
+#include <utility>
+
 #include "core/log.h"
+#include "map/append_bounded.h"
 #include "mapper/initialiser.h"
 #include "mapper/keyframe_insertion.h"
 #include "mapper/map_maintenance.h"
+#include "mapper/map_planes.h"
 #include "mapper/point_creation.h"
 #include "mapper/remeasure.h"
 
@@ -14,15 +19,34 @@ namespace {
 constexpr int kAssociationBatch = 200;
 // Adjustments in a row that may each find new outliers or measurements before the mapper rests.
 constexpr int kMaxGlobalRounds = 4;
+// Keyframes at which the dominant plane is fitted again, doubling from the first to the last.
+constexpr int kFirstPlaneRefinement = 4, kLastPlaneRefinement = 16;
+// One change of scale.
+constexpr double kMinScale = 1e-3, kMaxScale = 1e3;
+// Times kept for the report.
+constexpr std::size_t kTimesKept = 100000;
+
+void keep_time(double milliseconds, std::vector<float>* times) {
+  append_bounded(static_cast<float>(milliseconds), kTimesKept, times);
+}
 
 }  // namespace
 
 Mapper::Mapper(const CameraModel& camera, const MapperOptions& options, SharedMap* map, MapperInbox* inbox)
+    : Mapper(camera, options, map, std::make_unique<LiveMapperSchedule>(inbox), nullptr) {}
+
+Mapper::Mapper(const CameraModel& camera, const MapperOptions& options, SharedMap* map, MapperSchedule* schedule)
+    : Mapper(camera, options, map, nullptr, schedule) {}
+
+Mapper::Mapper(const CameraModel& camera, const MapperOptions& options, SharedMap* map,
+               std::unique_ptr<MapperSchedule> own, MapperSchedule* given)
     : camera_(camera),
       options_(options),
       map_(map),
-      inbox_(inbox),
+      own_schedule_(std::move(own)),
+      schedule_(own_schedule_ ? own_schedule_.get() : given),
       rng_(options.seed),
+      plane_rng_(options.seed),
       association_(camera, options),
       normals_(camera) {
   options.validate();
@@ -41,6 +65,7 @@ void Mapper::handle_initialisation(InitialisationRequest request) {
     local_pending_ = false;
     global_pending_ = association_pending_ = upkeep_pending_ = true;
     global_rounds_ = 0;
+    refine_plane_at_ = kFirstPlaneRefinement;
     map_->publish();
   }
   request.reply.set_value(std::move(reply));
@@ -58,7 +83,7 @@ void Mapper::handle_keyframe(const KeyframeProposal& proposal) {
   newest_ = *id;
   ++statistics_.keyframes_inserted;
   statistics_.points_made += made;
-  statistics_.insertion_ms.push_back(static_cast<float>(milliseconds_since(start)));
+  keep_time(milliseconds_since(start), &statistics_.insertion_ms);
   log::debug("keyframe ", id->index, " (frame ", proposal.frame, "): ", made, " new points");
   local_pending_ = global_pending_ = association_pending_ = upkeep_pending_ = true;
   global_rounds_ = 0;
@@ -74,15 +99,42 @@ void Mapper::handle(MapperMessage message) {
     if (erased > 0) map_->publish();
   } else if (auto* request = std::get_if<InitialisationRequest>(&message)) {
     handle_initialisation(std::move(*request));
-  } else if (auto* reset = std::get_if<ResetRequest>(&message)) {
-    map_->write([](Map& m) { m.clear(); });
-    map_->note_new_map();
-    map_->publish();
-    association_.clear();
-    normals_.clear();
-    local_pending_ = global_pending_ = association_pending_ = upkeep_pending_ = false;
-    reset->done.set_value();
+  } else if (auto* forget = std::get_if<ResetRequest>(&message)) {
+    reset();
+    forget->done.set_value();
+  } else if (auto* scaling = std::get_if<ScaleRequest>(&message)) {
+    scaling->reply.set_value(scale(scaling->factor));
+  } else if (auto* plane = std::get_if<PlaneRequest>(&message)) {
+    const MapEditReply reply =
+        plane->seed ? add_plane(map_, options_, *plane->seed, &plane_rng_) : detect_plane(map_, options_, &plane_rng_);
+    if (reply.ok) {
+      refine_plane_at_ = 0;
+      map_->publish();
+    }
+    plane->reply.set_value(reply);
   }
+}
+
+void Mapper::reset() {
+  map_->write([](Map& m) { m.clear(); });
+  map_->note_new_map();
+  map_->publish();
+  association_.clear();
+  normals_.clear();
+  local_pending_ = global_pending_ = association_pending_ = upkeep_pending_ = false;
+}
+
+MapEditReply Mapper::scale(double factor) {
+  if (!std::isfinite(factor) || factor < kMinScale || factor > kMaxScale) {
+    return {false, "the scale factor must lie between 0.001 and 1000"};
+  }
+  if (map_->snapshot()->empty()) return {false, "there is no map yet"};
+  SimilarityTransform change;
+  change.s = factor;
+  map_->write([&](Map& m) { m.transform_world(change); });
+  map_->note_world_change(change);
+  map_->publish();
+  return {true, ""};
 }
 
 void Mapper::after_adjustment(const AdjustmentReport& report) {
@@ -99,39 +151,46 @@ void Mapper::after_adjustment(const AdjustmentReport& report) {
 }
 
 bool Mapper::work() {
+  if (!local_pending_ && !global_pending_ && !association_pending_ && !upkeep_pending_) return false;
+  const Interruption interrupt = schedule_->interruption();
+  work_until(interrupt);
+  schedule_->worked(interrupt);
+  return true;
+}
+
+void Mapper::work_until(const Interruption& interrupt) {
   if (local_pending_) {
-    const AdjustmentReport report = adjust_local(map_, camera_, options_, newest_, inbox_->interrupt_token());
+    const AdjustmentReport report = adjust_local(map_, camera_, options_, newest_, interrupt);
     local_pending_ = report.solve.stopped;
     ++statistics_.local_adjustments;
-    statistics_.local_ms.push_back(static_cast<float>(report.milliseconds));
+    keep_time(report.milliseconds, &statistics_.local_ms);
     after_adjustment(report);
-    return true;
+    return;
   }
   if (global_pending_) {
-    const AdjustmentReport report = adjust_global(map_, camera_, options_, inbox_->interrupt_token());
+    const AdjustmentReport report = adjust_global(map_, camera_, options_, interrupt);
     global_pending_ =
         report.solve.stopped || (report.ran && !report.solve.converged && ++global_rounds_ < kMaxGlobalRounds);
     ++statistics_.global_adjustments;
     unadjusted_measurements_ = 0;
-    statistics_.global_ms.push_back(static_cast<float>(report.milliseconds));
+    keep_time(report.milliseconds, &statistics_.global_ms);
     after_adjustment(report);
-    return true;
+    return;
   }
   if (association_pending_) {
     bool idle = false;
-    const int added = association_.refine(map_, kAssociationBatch, inbox_->interrupt_token(), &idle);
+    const int added = association_.refine(map_, kAssociationBatch, interrupt, &idle);
     statistics_.measurements_added += added;
     unadjusted_measurements_ += added;
     association_pending_ = !idle;
     if (idle && unadjusted_measurements_ > 0 && ++global_rounds_ < kMaxGlobalRounds) global_pending_ = true;
-    return true;
+    return;
   }
   if (upkeep_pending_) {
     upkeep_pending_ = false;
     const int merged = merge_duplicates(map_, camera_, options_, newest_);
     statistics_.points_merged += merged;
     if (merged > 0) association_pending_ = true;
-    const std::stop_token interrupt = inbox_->interrupt_token();
     const std::vector<PointId> turned =
         options_.estimate_normals ? normals_.estimate(map_, interrupt) : std::vector<PointId>();
     // What was measured with the old warp is measured again; that takes one more adjustment, and no more than one a
@@ -140,16 +199,23 @@ bool Mapper::work() {
     statistics_.normals_changed += static_cast<int>(turned.size());
     statistics_.measurements_repeated += repeated;
     if (repeated > 0) global_pending_ = true;
+    refine_plane();
     if (cull_redundant_keyframe(map_, camera_, options_, newest_)) ++statistics_.keyframes_culled;
     map_->publish();
     log::debug("upkeep: ", merged, " merged, ", turned.size(), " normals, ", repeated, " measured again");
-    return true;
+    return;
   }
-  return false;
+}
+
+// The first views know little of heights: while the map is young the dominant plane settles with it.
+void Mapper::refine_plane() {
+  if (refine_plane_at_ == 0 || map_->snapshot()->keyframes.size() < static_cast<std::size_t>(refine_plane_at_)) return;
+  refine_dominant_plane(map_, options_, &plane_rng_);
+  refine_plane_at_ = refine_plane_at_ < kLastPlaneRefinement ? 2 * refine_plane_at_ : 0;
 }
 
 bool Mapper::step() {
-  if (auto message = inbox_->try_pop()) {
+  if (auto message = schedule_->try_pop()) {
     handle(std::move(*message));
     return true;
   }
@@ -157,10 +223,10 @@ bool Mapper::step() {
 }
 
 void Mapper::run(std::stop_token stop) {
-  std::stop_callback wake(stop, [this] { inbox_->interrupt(); });
+  std::stop_callback wake(stop, [this] { schedule_->interrupt(); });
   while (!stop.stop_requested()) {
     if (step()) continue;
-    if (auto message = inbox_->pop(stop)) handle(std::move(*message));
+    if (auto message = schedule_->pop(stop)) handle(std::move(*message));
   }
 }
 

@@ -9,8 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "map/messages.h"
-#include "map/shared_map.h"
+#include "map/schedule.h"
 #include "mapper/data_association.h"
 #include "mapper/map_adjustment.h"
 #include "mapper/mapper_options.h"
@@ -24,13 +23,18 @@ struct MapperStatistics {
   int points_made = 0, points_erased = 0, points_merged = 0, measurements_added = 0;
   int normals_changed = 0, measurements_repeated = 0;
   int local_adjustments = 0, global_adjustments = 0, adjustments_interrupted = 0;
-  std::vector<float> insertion_ms, local_ms, global_ms;
+  std::vector<float> insertion_ms, local_ms, global_ms;  // the newest hundred thousand at least
 };
 
 class Mapper {
  public:
   // `map` and `inbox` outlive the mapper.
   Mapper(const CameraModel& camera, const MapperOptions& options, SharedMap* map, MapperInbox* inbox);
+
+  // The same, with messages and interruptions going through `schedule`, which outlives the mapper.
+  Mapper(const CameraModel& camera, const MapperOptions& options, SharedMap* map, MapperSchedule* schedule);
+  Mapper(const Mapper&) = delete;
+  Mapper& operator=(const Mapper&) = delete;
 
   // Does one unit of work; false when there was nothing to do.
   bool step();
@@ -41,17 +45,25 @@ class Mapper {
   const MapperStatistics& statistics() const { return statistics_; }
 
  private:
+  Mapper(const CameraModel& camera, const MapperOptions& options, SharedMap* map, std::unique_ptr<MapperSchedule> own,
+         MapperSchedule* given);
+
   void handle(MapperMessage message);
   void handle_keyframe(const KeyframeProposal& proposal);
   void handle_initialisation(InitialisationRequest request);
   void after_adjustment(const AdjustmentReport& report);
   bool work();
+  void work_until(const Interruption& interrupt);
+  void reset();
+  void refine_plane();
+  MapEditReply scale(double factor);
 
   CameraModel camera_;
   MapperOptions options_;
   SharedMap* map_;
-  MapperInbox* inbox_;
-  std::mt19937_64 rng_;
+  std::unique_ptr<MapperSchedule> own_schedule_;
+  MapperSchedule* schedule_;
+  std::mt19937_64 rng_, plane_rng_;
   DataAssociation association_;
   NormalEstimation normals_;
   MapperStatistics statistics_;
@@ -59,6 +71,7 @@ class Mapper {
   KeyframeId newest_;
   bool local_pending_ = false, global_pending_ = false, association_pending_ = false, upkeep_pending_ = false;
   int global_rounds_ = 0;
+  int refine_plane_at_ = 0;          // keyframes; 0: no more, the user has chosen or it is known well
   int unadjusted_measurements_ = 0;  // added by data association since the last global adjustment
 };
 

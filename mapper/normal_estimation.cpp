@@ -210,7 +210,7 @@ std::optional<Batch> extract(const Map& m, KeyframeId source, const std::vector<
 
 }  // namespace
 
-std::vector<PointId> NormalEstimation::estimate(SharedMap* map, std::stop_token stop) {
+std::vector<PointId> NormalEstimation::estimate(SharedMap* map, const Interruption& stop) {
   // Which points, by source keyframe.
   const auto due = map->read([&](const Map& m) {
     tried_.resize(static_cast<std::size_t>(std::max<int>(m.points.capacity(), static_cast<int>(tried_.size()))), 0);
@@ -225,7 +225,7 @@ std::vector<PointId> NormalEstimation::estimate(SharedMap* map, std::stop_token 
   std::vector<std::pair<KeyframeId, PointId>> sorted = due;
   std::sort(sorted.begin(), sorted.end());
   std::vector<PointId> changed;
-  for (std::size_t begin = 0; begin < sorted.size() && !stop.stop_requested();) {
+  for (std::size_t begin = 0; begin < sorted.size() && !stop.requested();) {
     const KeyframeId source = sorted[begin].first;
     std::vector<PointId> points;
     for (; begin < sorted.size() && sorted[begin].first == source; ++begin) points.push_back(sorted[begin].second);
@@ -233,7 +233,7 @@ std::vector<PointId> NormalEstimation::estimate(SharedMap* map, std::stop_token 
     if (!batch) continue;
     std::vector<std::pair<const Job*, Verdict>> verdicts;
     for (const Job& job : batch->jobs) {
-      if (stop.stop_requested()) break;
+      if (stop.requested()) break;
       verdicts.emplace_back(&job, judge(job, *batch, camera_, options_));
     }
     map->write([&](Map& m) {
@@ -251,7 +251,7 @@ std::vector<PointId> NormalEstimation::estimate(SharedMap* map, std::stop_token 
   return changed;
 }
 
-int estimate_normals(SharedMap* map, const CameraModel& camera, std::stop_token stop) {
+int estimate_normals(SharedMap* map, const CameraModel& camera, const Interruption& stop) {
   return static_cast<int>(NormalEstimation(camera).estimate(map, stop).size());
 }
 

@@ -4,10 +4,10 @@
 // warped patch agrees best with what the other keyframes show is taken when it is clearly better than the present one.
 #pragma once
 
-#include <stop_token>
 #include <vector>
 
 #include "core/camera_model.h"
+#include "core/interruption.h"
 #include "map/shared_map.h"
 
 namespace parallax {
@@ -36,7 +36,7 @@ class NormalEstimation {
   // Looks at the points that have enough observers and were not looked at since those grew by the factor. Sets normals
   // and normal_estimated; returns the points whose normal changed. Stops within a fraction of a millisecond when asked;
   // what is left is done the next time. Extracts and commits a source keyframe at a time. The caller publishes.
-  std::vector<PointId> estimate(SharedMap* map, std::stop_token stop);
+  std::vector<PointId> estimate(SharedMap* map, const Interruption& stop);
 
  private:
   CameraModel camera_;
@@ -45,6 +45,6 @@ class NormalEstimation {
 };
 
 // The same once, on points without an estimated normal. Returns how many normals were changed.
-int estimate_normals(SharedMap* map, const CameraModel& camera, std::stop_token stop);
+int estimate_normals(SharedMap* map, const CameraModel& camera, const Interruption& stop);
 
 }  // namespace parallax

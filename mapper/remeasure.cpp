@@ -34,9 +34,9 @@ struct Finding {
 }  // namespace
 
 int remeasure_points(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
-                     const std::vector<PointId>& points, std::stop_token stop) {
+                     const std::vector<PointId>& points, const Interruption& stop) {
   int moved = 0;
-  for (std::size_t begin = 0; begin < points.size() && !stop.stop_requested(); begin += kBlock) {
+  for (std::size_t begin = 0; begin < points.size() && !stop.requested(); begin += kBlock) {
     const std::size_t end = std::min(points.size(), begin + kBlock);
     const std::vector<Job> jobs = map->read([&](const Map& m) {
       std::vector<Job> out;
@@ -56,7 +56,7 @@ int remeasure_points(SharedMap* map, const CameraModel& camera, const MapperOpti
     });
     std::vector<Finding> findings;
     for (const Job& job : jobs) {
-      if (stop.stop_requested()) break;
+      if (stop.requested()) break;
       for (const View& view : job.views) {
         auto predicted = predict_patch(camera, job.point, job.source_pose, view.camera_from_world);
         if (!predicted) continue;

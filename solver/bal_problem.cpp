@@ -119,7 +119,7 @@ std::string format_bal(const BalProblem& problem) {
   return out;
 }
 
-BundleSummary adjust_bal(BalProblem* problem, const BundleOptions& options, std::stop_token stop,
+BundleSummary adjust_bal(BalProblem* problem, const BundleOptions& options, const Interruption& stop,
                          std::vector<std::uint8_t>* outlier) {
   using solver::kCameraStride;
   using RowMatrix = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;

@@ -5,10 +5,10 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <stop_token>
 #include <string>
 #include <vector>
 
+#include "core/interruption.h"
 #include "solver/bundle_adjustment.h"
 
 namespace parallax {
@@ -25,7 +25,7 @@ BalProblem parse_bal(const std::string& text, const std::string& name);
 std::string format_bal(const BalProblem& problem);
 
 // Adjusts every camera and point in place; options, stopping and summary as for adjust_bundle().
-BundleSummary adjust_bal(BalProblem* problem, const BundleOptions& options, std::stop_token stop = {},
+BundleSummary adjust_bal(BalProblem* problem, const BundleOptions& options, const Interruption& stop = {},
                          std::vector<std::uint8_t>* outlier = nullptr);
 
 }  // namespace parallax

@@ -48,7 +48,7 @@ void BlockCholesky::finish_matrix() {
   }
 }
 
-BlockCholesky::Result BlockCholesky::factor(WorkTeam& team, const std::stop_token& stop) {
+BlockCholesky::Result BlockCholesky::factor(WorkTeam& team, const Interruption& stop) {
   std::atomic<bool> stopped{false}, failed{false};
   const auto n = static_cast<std::size_t>(tile_count_);
   team.run([&](int member) {
@@ -66,13 +66,13 @@ BlockCholesky::Result BlockCholesky::factor(WorkTeam& team, const std::stop_toke
           const std::int64_t a = tile_at_[static_cast<std::size_t>(i) * n + static_cast<std::size_t>(m)];
           if (a < 0) continue;
           kernels_.tile_multiply(c, tiles_.get() + a, tile(j, m));
-          if ((++polled & 7) == 0 && stop.stop_requested()) {
+          if ((++polled & 7) == 0 && stop.requested()) {
             stopped = true;
             break;
           }
         }
         if (stopped.load(std::memory_order_relaxed)) break;
-        if (stop.stop_requested()) stopped = true;
+        if (stop.requested()) stopped = true;
       }
       team.meet();
       if (member == 0 && !stopped && !kernels_.tile_factor(tile(j, j))) failed = true;

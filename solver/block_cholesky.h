@@ -9,9 +9,9 @@
 
 #include <cstdint>
 #include <memory>
-#include <stop_token>
 #include <vector>
 
+#include "core/interruption.h"
 #include "solver/elimination_order.h"
 #include "solver/solver_kernels.h"
 #include "solver/work_team.h"
@@ -43,7 +43,7 @@ class BlockCholesky {
 
   enum class Result { done, stopped, not_positive };
   // Factors in place. Polls `stop` every few dozen microseconds.
-  Result factor(WorkTeam& team, const std::stop_token& stop);
+  Result factor(WorkTeam& team, const Interruption& stop);
   // Solves in place; `x` has rows() elements.
   void solve(double* x) const;
 

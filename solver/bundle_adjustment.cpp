@@ -10,7 +10,7 @@ namespace parallax {
 using solver::kCameraStride;
 using RowMatrix = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
-BundleSummary adjust_bundle(BundleProblem* problem, const BundleOptions& options, std::stop_token stop,
+BundleSummary adjust_bundle(BundleProblem* problem, const BundleOptions& options, const Interruption& stop,
                             std::vector<std::uint8_t>* outlier) {
   PARALLAX_CHECK(problem->poses.size() == problem->pose_fixed.size(), "poses and pose_fixed of different size");
   solver::SchurProblem schur;

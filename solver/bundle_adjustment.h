@@ -14,10 +14,10 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <stop_token>
 #include <vector>
 
 #include "core/camera_model.h"
+#include "core/interruption.h"
 #include "core/se3.h"
 #include "solver/robust_kernel.h"
 
@@ -64,7 +64,7 @@ struct BundleSummary {
 // Adjusts poses and points in place. `outlier`, when given, gets a 1 for each observation in the zero-weight region of
 // the kernel at the end (or behind the camera). Stops within a millisecond or so of `stop` being requested. Thread-safe
 // for different problems. Each point should have two observations or more; poses without observations stay as they are.
-BundleSummary adjust_bundle(BundleProblem* problem, const BundleOptions& options, std::stop_token stop = {},
+BundleSummary adjust_bundle(BundleProblem* problem, const BundleOptions& options, const Interruption& stop = {},
                             std::vector<std::uint8_t>* outlier = nullptr);
 
 }  // namespace parallax

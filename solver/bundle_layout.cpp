@@ -33,10 +33,10 @@ void fill(ObservationList* list, int at, const BundleObservation& o, int camera,
 }  // namespace
 
 bool BundleLayout::build(int cameras, std::span<const std::uint8_t> camera_fixed, int points,
-                         std::span<const BundleObservation> observations, int group, const std::stop_token& stop) {
+                         std::span<const BundleObservation> observations, int group, const Interruption& stop) {
   constexpr int kPoll = 2047;  // observations or points between two looks at the stop token, less one
   const int n = static_cast<int>(observations.size());
-  const auto stopped = [&](int i) { return (i & kPoll) == 0 && stop.stop_requested(); };
+  const auto stopped = [&](int i) { return (i & kPoll) == 0 && stop.requested(); };
 
   std::vector<char> seen(static_cast<size_t>(cameras), 0);
   std::vector<std::int32_t> count(static_cast<size_t>(points), 0);
@@ -79,7 +79,7 @@ bool BundleLayout::build(int cameras, std::span<const std::uint8_t> camera_fixed
   if (free_cameras > group) {
     std::vector<std::uint64_t> mask(static_cast<size_t>(graph.words()));
     for (int p = 0; p < points; ++p) {
-      if ((p & 255) == 0 && stop.stop_requested()) return false;
+      if ((p & 255) == 0 && stop.requested()) return false;
       std::fill(mask.begin(), mask.end(), 0);
       for (const std::int32_t i : of(p))
         if (const int c = node_of(i); c >= 0) mask[static_cast<size_t>(c / 64)] |= std::uint64_t{1} << (c % 64);
@@ -145,7 +145,7 @@ bool BundleLayout::build(int cameras, std::span<const std::uint8_t> camera_fixed
   largest_chunk = 0;
   int chunk_size = 0;
   for (int q = 0; q < used; ++q) {
-    if ((q & 255) == 0 && stop.stop_requested()) return false;
+    if ((q & 255) == 0 && stop.requested()) return false;
     const auto list = of(point_source[static_cast<size_t>(q)]);
     const int size = static_cast<int>(list.size());
     if (chunk_size > 0 && chunk_size + size > kChunkObservations) {

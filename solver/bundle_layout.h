@@ -5,9 +5,9 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <span>
-#include <stop_token>
 #include <vector>
 
+#include "core/interruption.h"
 #include "solver/bundle_adjustment.h"
 #include "solver/elimination_order.h"
 #include "solver/solver_kernels.h"
@@ -35,7 +35,7 @@ struct BundleLayout {
 
   // False when stopped on the way. `group`: cameras a tile.
   bool build(int cameras, std::span<const std::uint8_t> camera_fixed, int points,
-             std::span<const BundleObservation> observations, int group, const std::stop_token& stop);
+             std::span<const BundleObservation> observations, int group, const Interruption& stop);
 };
 
 }  // namespace parallax::solver

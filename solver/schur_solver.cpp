@@ -28,7 +28,7 @@ constexpr size_t kZeroBlock = size_t{1} << 17;
 
 class SchurSolver {
  public:
-  SchurSolver(SchurProblem& problem, const BundleOptions& options, const std::stop_token& stop)
+  SchurSolver(SchurProblem& problem, const BundleOptions& options, const Interruption& stop)
       : problem_(problem),
         options_(options),
         stop_(stop),
@@ -99,10 +99,10 @@ class SchurSolver {
     fixed_squared_.resize(static_cast<size_t>(layout_.fixed.size() + kLanePadding));
     new_free_squared_ = free_squared_;
     new_fixed_squared_ = fixed_squared_;
-    if (stop_.stop_requested()) return false;
+    if (stop_.requested()) return false;
     if (layout_.free_cameras > 0) system_.emplace(layout_.graph, layout_.order, dimension_, kernels_);
     divide();
-    return !stop_.stop_requested();
+    return !stop_.requested();
   }
 
   // Chunks to members, about equal work each: a point's is in proportion to the squared number of its cameras.
@@ -173,11 +173,11 @@ class SchurSolver {
     team_.run([&](int member) {
       const Share& share = shares_[static_cast<size_t>(member)];
       for (int c = share.first_chunk; c < share.last_chunk; ++c) {
-        if (stop_.stop_requested()) return;
+        if (stop_.requested()) return;
         work(member, layout_.chunk[static_cast<size_t>(c)], layout_.chunk[static_cast<size_t>(c) + 1]);
       }
     });
-    return !stop_.stop_requested();
+    return !stop_.requested();
   }
 
   // Squared residuals at the start. What cannot be seen from there takes no part, unless the kernel bounds its cost.
@@ -228,7 +228,7 @@ class SchurSolver {
       job.local_of = system_->local_of();
       team_.run([&](int member) {
         Share& share = shares_[static_cast<size_t>(member)];
-        for (size_t i = 0; i < system_->size() && !stop_.stop_requested(); i += kZeroBlock)
+        for (size_t i = 0; i < system_->size() && !stop_.requested(); i += kZeroBlock)
           std::memset(share.tiles + i, 0, std::min(kZeroBlock, system_->size() - i) * sizeof(double));
         std::fill(share.right.begin(), share.right.end(), 0.0);
         std::fill(share.diagonal.begin(), share.diagonal.end(), 0.0);
@@ -255,7 +255,7 @@ class SchurSolver {
         const size_t n = system_->size(), from = n * static_cast<size_t>(member) / static_cast<size_t>(members),
                      to = n * static_cast<size_t>(member + 1) / static_cast<size_t>(members);
         double* sum = system_->tiles();
-        for (size_t block = from; block < to && !stop_.stop_requested(); block += kZeroBlock)
+        for (size_t block = from; block < to && !stop_.requested(); block += kZeroBlock)
           for (int m = 1; m < members; ++m) {
             const double* other = shares_[static_cast<size_t>(m)].tiles;
             for (size_t i = block; i < std::min(to, block + kZeroBlock); ++i) sum[i] += other[i];
@@ -278,7 +278,7 @@ class SchurSolver {
       }
     }
     system_->finish_matrix();
-    return !stop_.stop_requested();
+    return !stop_.requested();
   }
 
   // The cameras' step and their share of what the model says the step gains (twice); false when it is not finite. With
@@ -355,7 +355,7 @@ class SchurSolver {
 
   SchurProblem& problem_;
   const BundleOptions& options_;
-  const std::stop_token& stop_;
+  const Interruption& stop_;
   const SolverKernels& kernels_;
   const int dimension_;
   WorkTeam team_;
@@ -429,7 +429,7 @@ void SchurSolver::iterate() {
       }
     }
   }
-  summary_.stopped = stop_.stop_requested();
+  summary_.stopped = stop_.requested();
 }
 
 }  // namespace
@@ -477,7 +477,7 @@ LensParameters lens_parameters(const CameraModel& camera) {
   return k;
 }
 
-BundleSummary solve_schur(SchurProblem& problem, const BundleOptions& options, const std::stop_token& stop,
+BundleSummary solve_schur(SchurProblem& problem, const BundleOptions& options, const Interruption& stop,
                           std::vector<std::uint8_t>* outlier) {
   return SchurSolver(problem, options, stop).run(outlier);
 }

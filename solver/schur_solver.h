@@ -9,10 +9,10 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <span>
-#include <stop_token>
 #include <vector>
 
 #include "core/camera_model.h"
+#include "core/interruption.h"
 #include "solver/bundle_adjustment.h"
 #include "solver/solver_kernels.h"
 
@@ -29,7 +29,7 @@ struct SchurProblem {
 };
 
 // Adjusts `cameras` and `points` in place; see adjust_bundle() for the rest.
-BundleSummary solve_schur(SchurProblem& problem, const BundleOptions& options, const std::stop_token& stop,
+BundleSummary solve_schur(SchurProblem& problem, const BundleOptions& options, const Interruption& stop,
                           std::vector<std::uint8_t>* outlier);
 
 }  // namespace parallax::solver

@@ -22,8 +22,8 @@ std::shared_ptr<const ImagePyramid> pyramid_of(const std::shared_ptr<const Frame
 }  // namespace
 
 Initialisation::Initialisation(const CameraModel& camera, const TrackerOptions& options, bool automatic,
-                               MapperInbox* mapper)
-    : camera_(camera), options_(options), automatic_(automatic), mapper_(mapper), trails_(options.trails) {}
+                               TrackerSchedule* schedule)
+    : camera_(camera), options_(options), automatic_(automatic), schedule_(schedule), trails_(options.trails) {}
 
 void Initialisation::reset() {
   trails_.clear();
@@ -77,7 +77,7 @@ bool Initialisation::request(const Frame& frame, const std::shared_ptr<const Fra
   give_away(first_);
   give_away(images);
   MapperMessage message = std::move(request);
-  if (!mapper_->try_push(message)) return false;
+  if (!schedule_->try_push(message)) return false;
   pending_ = std::move(reply);
   return true;
 }
@@ -92,10 +92,12 @@ std::optional<RigidTransform> Initialisation::pose_from_trails(const TrackingSna
     if (row == map.id.end() || *row != it->second) continue;
     observations.push_back({map.position[static_cast<std::size_t>(row - map.id.begin())], t.current, 1.0});
   }
-  RigidTransform pose = accepted_->second_from_world;
+  // The world may have moved since the answer was given.
+  const RigidTransform answered = map.world_from_first.rebase(accepted_->second_from_world);
+  RigidTransform pose = answered;
   const PoseSummary summary = refine_pose(camera_, observations, PoseOptions{}, &pose);
   if (summary.ok && summary.inliers >= kMinPoseInliers) return pose;
-  return accepted_->second_from_world;
+  return answered;
 }
 
 Initialisation::Step Initialisation::step(
@@ -115,7 +117,7 @@ Initialisation::Step Initialisation::step(
   out.state = TrackingState::trailing;
 
   const bool accepted_before = accepted_.has_value();
-  if (pending_ && pending_->wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
+  if (pending_ && schedule_->is_ready(*pending_)) {
     InitialisationReply reply = pending_->get();
     pending_.reset();
     if (reply.ok) {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/frame.h"
-#include "map/messages.h"
+#include "map/schedule.h"
 #include "map/tracking_snapshot.h"
 #include "tracker/tracker_options.h"
 #include "tracker/tracking_types.h"
@@ -21,7 +21,7 @@ namespace parallax {
 // Not thread-safe; belongs to the tracking thread.
 class Initialisation {
  public:
-  Initialisation(const CameraModel& camera, const TrackerOptions& options, bool automatic, MapperInbox* mapper);
+  Initialisation(const CameraModel& camera, const TrackerOptions& options, bool automatic, TrackerSchedule* schedule);
 
   struct Step {
     TrackingState state = TrackingState::waiting;
@@ -49,7 +49,7 @@ class Initialisation {
   CameraModel camera_;
   TrackerOptions options_;
   bool automatic_;
-  MapperInbox* mapper_;
+  TrackerSchedule* schedule_;
 
   TrailTracker trails_;
   std::shared_ptr<const FrameImages> first_, last_;

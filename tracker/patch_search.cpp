@@ -9,13 +9,37 @@ namespace {
 // something else.
 constexpr ResemblanceLimits kResemblance = {.max_rms = 22.0f, .part = 0.6f, .noise_rms = 7.0f};
 
+// Templates of points that are gone are freed when there are more of them than points, and than this.
+constexpr std::size_t kEntriesKept = 1000;
+
 }  // namespace
+
+void PatchSearch::clear() {
+  cache_.clear();
+  entries_ = 0;
+}
+
+void PatchSearch::forget_absent(const TrackingSnapshot& map) {
+  std::vector<std::unique_ptr<Entry>> kept(cache_.size());
+  entries_ = 0;
+  for (const PointId id : map.id) {
+    const auto index = static_cast<std::size_t>(id.index);
+    if (index >= cache_.size() || !cache_[index]) continue;
+    kept[index] = std::move(cache_[index]);
+    ++entries_;
+  }
+  cache_ = std::move(kept);
+}
 
 const WarpedPatch& PatchSearch::warped(const TrackingSnapshot& map, const Candidate& candidate) {
   const auto index = static_cast<std::size_t>(map.id[candidate.row].index);
   if (index >= cache_.size()) cache_.resize(std::max(index + 1, 2 * cache_.size()));
+  if (!cache_[index]) {
+    if (entries_ > 2 * map.id.size() + kEntriesKept) forget_absent(map);
+    cache_[index] = std::make_unique<Entry>();
+    ++entries_;
+  }
   auto& entry = cache_[index];
-  if (!entry) entry = std::make_unique<Entry>();
   const SnapshotKeyframe& source = map.keyframes[map.source[candidate.row]];
   const Eigen::Vector2f source_pixel = map.source_pixel[candidate.row];
   // How far a corner of the patch (half a patch from the centre) moves in the target level between the two warps.

@@ -30,9 +30,10 @@ class PatchSearch {
                   bool align_directly);
 
   // The map was replaced: nothing cached holds.
-  void clear() { cache_.clear(); }
+  void clear();
 
  private:
+  void forget_absent(const TrackingSnapshot& map);
   const WarpedPatch& warped(const TrackingSnapshot& map, const Candidate& candidate);
 
   TrackerOptions options_;
@@ -41,7 +42,8 @@ class PatchSearch {
     KeyframeId source;
     Eigen::Vector2f source_pixel = Eigen::Vector2f::Zero();
   };
-  std::vector<std::unique_ptr<Entry>> cache_;
+  std::vector<std::unique_ptr<Entry>> cache_;  // by index of the point
+  std::size_t entries_ = 0;
 };
 
 }  // namespace parallax

@@ -23,12 +23,20 @@ double thread_cpu_ms() {
 
 Tracker::Tracker(const CameraModel& camera, const TrackerOptions& options, bool automatic_initialisation,
                  const SharedMap* map, MapperInbox* mapper)
+    : Tracker(camera, options, automatic_initialisation, std::make_unique<LiveTrackerSchedule>(map, mapper), nullptr) {}
+
+Tracker::Tracker(const CameraModel& camera, const TrackerOptions& options, bool automatic_initialisation,
+                 TrackerSchedule* schedule)
+    : Tracker(camera, options, automatic_initialisation, nullptr, schedule) {}
+
+Tracker::Tracker(const CameraModel& camera, const TrackerOptions& options, bool automatic_initialisation,
+                 std::unique_ptr<TrackerSchedule> own, TrackerSchedule* given)
     : camera_(camera),
       options_(options),
-      map_(map),
-      mapper_(mapper),
+      own_schedule_(std::move(own)),
+      schedule_(own_schedule_ ? own_schedule_.get() : given),
       features_(camera.width(), camera.height(), options),
-      initialisation_(camera, options, automatic_initialisation, mapper),
+      initialisation_(camera, options, automatic_initialisation, schedule_),
       motion_(camera, options.motion),
       two_stage_(camera, options),
       relocaliser_(camera, options) {
@@ -44,7 +52,7 @@ TrackingResult Tracker::track(const Frame& frame, bool key_press) {
   out.frame = frame.index;
   out.time = frame.time;
 
-  const auto snapshot = map_->snapshot();
+  const auto snapshot = snapshot_ = schedule_->snapshot();
   last_images_ = images_;
   images_ = features_.compute(frame.grey);
   out.times.features = static_cast<float>(milliseconds_since(start));
@@ -231,7 +239,7 @@ void Tracker::propose_keyframe(const Frame& frame, const TrackingSnapshot& map, 
   }
   features_.give_away(images_);
   MapperMessage message = std::move(proposal);
-  if (!mapper_->try_push(message)) return;  // the mapper is busy: a later frame will do
+  if (!schedule_->try_push(message)) return;  // the mapper is busy: a later frame will do
   last_keyframe_frame_ = frame.index;
   most_found_ = 0;
   out->keyframe_proposed = true;
@@ -261,7 +269,7 @@ void Tracker::count_points(const TwoStageResult& result, const TrackingSnapshot&
   message.map_version = map.map_version;
   for (std::int32_t index : touched_) message.counts.push_back(counts_[index]);
   MapperMessage boxed = std::move(message);
-  if (!mapper_->try_push(boxed)) return;  // goes on counting
+  if (!schedule_->try_push(boxed)) return;  // goes on counting
   for (std::int32_t index : touched_) counts_[index] = PointCount();
   touched_.clear();
 }

@@ -7,8 +7,7 @@
 #include <vector>
 
 #include "core/frame.h"
-#include "map/messages.h"
-#include "map/shared_map.h"
+#include "map/schedule.h"
 #include "tracker/frame_features.h"
 #include "tracker/initialisation.h"
 #include "tracker/motion_model.h"
@@ -25,10 +24,21 @@ class Tracker {
   Tracker(const CameraModel& camera, const TrackerOptions& options, bool automatic_initialisation, const SharedMap* map,
           MapperInbox* mapper);
 
+  // The same, with what passes between the threads going through `schedule`, which outlives the tracker.
+  Tracker(const CameraModel& camera, const TrackerOptions& options, bool automatic_initialisation,
+          TrackerSchedule* schedule);
+  Tracker(const Tracker&) = delete;
+  Tracker& operator=(const Tracker&) = delete;
+
   // Tracks one frame, of the camera's size. key_press: the user pressed the initialisation key at this frame.
   TrackingResult track(const Frame& frame, bool key_press = false);
+  // The map that the last frame was tracked with; null before the first.
+  const std::shared_ptr<const TrackingSnapshot>& map() const { return snapshot_; }
 
  private:
+  Tracker(const CameraModel& camera, const TrackerOptions& options, bool automatic_initialisation,
+          std::unique_ptr<TrackerSchedule> own, TrackerSchedule* given);
+
   void follow_map_changes(const TrackingSnapshot& map);
   void track_map(const Frame& frame, const TrackingSnapshot& map, TrackingResult* out);
   void recover(const Frame& frame, const TrackingSnapshot& map, TrackingResult* out);
@@ -41,8 +51,9 @@ class Tracker {
 
   CameraModel camera_;
   TrackerOptions options_;
-  const SharedMap* map_;
-  MapperInbox* mapper_;
+  std::unique_ptr<TrackerSchedule> own_schedule_;
+  TrackerSchedule* schedule_;
+  std::shared_ptr<const TrackingSnapshot> snapshot_;
 
   FrameFeatures features_;
   Initialisation initialisation_;

@@ -21,7 +21,7 @@ TEST(CommandLine, HelpOfEveryCommand) {
   const auto main_help = parallax({"--help"});
   EXPECT_EQ(main_help.exit_code, 0);
   EXPECT_TRUE(main_help.err.empty()) << main_help.err;
-  for (const std::string command : {"run", "eval"}) {
+  for (const std::string command : {"live", "run", "cameras", "calibrate", "eval"}) {
     EXPECT_NE(main_help.out.find("\n  " + command + " "), std::string::npos) << main_help.out;
     const auto help = parallax({command, "--help"});
     EXPECT_EQ(help.exit_code, 0) << command;
@@ -36,12 +36,6 @@ TEST(CommandLine, Version) {
   EXPECT_EQ(result.out, "parallax " PARALLAX_PROJECT_VERSION "\n");
 }
 
-TEST(CommandLine, NoCommandSaysWhatThereIs) {
-  const auto result = parallax({});
-  expect_one_line_error(result, 2, "later version");
-  EXPECT_NE(result.out.find("eval"), std::string::npos) << result.out;
-}
-
 TEST(CommandLine, BadUsageIsOneLineAndTwo) {
   expect_one_line_error(parallax({"frobnicate"}), 2, "frobnicate");
   expect_one_line_error(parallax({"--frobnicate"}), 2, "--frobnicate");
@@ -49,6 +43,8 @@ TEST(CommandLine, BadUsageIsOneLineAndTwo) {
   expect_one_line_error(parallax({"eval", "a", "b", "c"}), 2, "c");
   expect_one_line_error(parallax({"eval", "a\nb", "c"}), 2, "cannot be read");
   expect_one_line_error(parallax({"run"}), 2, "required");
+  expect_one_line_error(parallax({"live", "--size", "big"}), 2, "WIDTHxHEIGHT");
+  expect_one_line_error(parallax({"live", "--init", "never"}), 2, "--init");
   expect_one_line_error(parallax({"run", "/nonexistent/recording"}), 2, "/nonexistent/recording");
 }
 

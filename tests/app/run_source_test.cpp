@@ -37,7 +37,7 @@ TEST(RunSource, UnreadablePaths) {
   expect_one_line(parallax_run({folder.file("loop") + "/x/y"}), 2, "cannot be read");
   expect_one_line(parallax_run({""}), 2, "empty name");
   expect_one_line(parallax_run({"synthetic:nowhere"}), 2, "expected one of");
-  expect_one_line(parallax_run({"v4l2:/dev/video0"}), 2, "live cameras");
+  expect_one_line(parallax_run({"v4l2:/dev/nowhere"}), 2, "/dev/nowhere");
 }
 
 TEST(RunSource, VideoIsTrackedCutOrWhole) {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "mapper/map_planes.h"
 #include "tests/mapper/desk_fixture.h"
 
 namespace parallax {
@@ -203,9 +204,9 @@ TEST(Initialiser, OutliersAmongTheMatchesAreNoHarm) {
 TEST(Initialiser, DetectsThePlaneOfAMapThatIsThere) {
   SharedMap shared;
   std::mt19937_64 rng(3);
-  EXPECT_FALSE(detect_plane(&shared, MapperOptions(), &rng));
+  EXPECT_FALSE(detect_plane(&shared, MapperOptions(), &rng).ok);
   test::set_map(&shared, test::true_map(&desk_views(), {2, 5}, 100));
-  ASSERT_TRUE(detect_plane(&shared, MapperOptions(), &rng));
+  ASSERT_TRUE(detect_plane(&shared, MapperOptions(), &rng).ok);
   const Plane plane = *test::copy_of(shared).plane;
   // The true world has the table at z = 0.
   EXPECT_GT(plane.world_from_plane.R.col(2).z(), 0.99);

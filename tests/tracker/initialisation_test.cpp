@@ -28,7 +28,7 @@ class InitialisationTest : public testing::Test {
  protected:
   explicit InitialisationTest(bool automatic = false, std::size_t capacity = 4)
       : inbox_(capacity),
-        initialisation_(sliding().camera(), TrackerOptions(), automatic, &inbox_),
+        initialisation_(sliding().camera(), TrackerOptions(), automatic, &schedule_),
         features_(sliding().camera().width(), sliding().camera().height(), TrackerOptions()) {}
 
   Initialisation::Step step(const Frame& frame, bool key = false) {
@@ -47,6 +47,8 @@ class InitialisationTest : public testing::Test {
   }
 
   MapperInbox inbox_;
+  SharedMap shared_;
+  LiveTrackerSchedule schedule_{&shared_, &inbox_};
   Initialisation initialisation_;
   FrameFeatures features_;
   TrackingSnapshot map_;

@@ -1,0 +1,125 @@
+#include "app/initialisation_hint.h"
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+namespace parallax {
+namespace {
+
+constexpr double kDegrees = 180 / M_PI;
+constexpr int kMinTrails = 8;
+// What is left of the trails when a rotation has been taken away: the noise of following them stays below this...
+constexpr double kTrailNoise_deg = 0.06;
+// ...and the lens is calibrated to about this share of the movement.
+constexpr double kLensShare = 0.02;
+// Before this nobody can tell a turn from a slide.
+constexpr double kBegun_deg = 1.0;
+// Trails further off the rotation than this many medians do not help to find it.
+constexpr double kOutlier = 3;
+// How the tracker says what to do when nothing was refused.
+constexpr const char* kInstruction = "press ";
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Rotation that takes the columns of `from` to those of `to` with the least square error (Kabsch).
+Eigen::Matrix3d best_rotation(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to,
+                              const std::vector<char>& used) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < from.size(); ++i)
+    if (used[i]) sum += to[i] * from[i].transpose();
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
+  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+}
+
+double angle_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b)) * kDegrees;
+}
+
+std::string sentence(std::string text) {
+  if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+  if (!text.empty() && text.back() != '.') text += '.';
+  return text;
+}
+
+}  // namespace
+
+TrailMotion trail_motion(const CameraModel& camera, const std::vector<std::array<Eigen::Vector2f, 2>>& trails) {
+  std::vector<Eigen::Vector3d> from, to;
+  for (const auto& t : trails) {
+    Eigen::Vector3d a, b;
+    if (!camera.unproject(t[0].cast<double>(), &a) || !camera.unproject(t[1].cast<double>(), &b)) continue;
+    from.push_back(a.normalized());
+    to.push_back(b.normalized());
+  }
+  TrailMotion out;
+  if (static_cast<int>(from.size()) < kMinTrails) return out;
+  std::vector<double> angles(from.size());
+  for (std::size_t i = 0; i < from.size(); ++i) angles[i] = angle_deg(from[i], to[i]);
+  out.median_deg = median(angles);
+  std::vector<char> used(from.size(), 1);
+  for (int round = 0; round < 3; ++round) {
+    const Eigen::Matrix3d R = best_rotation(from, to, used);
+    for (std::size_t i = 0; i < from.size(); ++i) angles[i] = angle_deg(R * from[i], to[i]);
+    out.beyond_rotation_deg = median(angles);
+    for (std::size_t i = 0; i < from.size(); ++i) used[i] = angles[i] <= kOutlier * out.beyond_rotation_deg;
+  }
+  return out;
+}
+
+InitialisationHint initialisation_hint(const CameraModel& camera, const TrackingResult& tracked,
+                                       const std::string& message, const HintOptions& options) {
+  InitialisationHint out;
+  out.patches = static_cast<int>(tracked.trails.size());
+  switch (tracked.state) {
+    case TrackingState::tracking:
+    case TrackingState::lost:
+      return out;
+    case TrackingState::waiting: {
+      const bool refused = !tracked.message.empty() && tracked.message.rfind(kInstruction, 0) != 0;
+      out.kind = refused ? HintKind::refused : HintKind::hold_still;
+      out.text =
+          refused ? sentence(tracked.message) : "Hold the camera still over the table, then press " + options.key + ".";
+      if (options.automatic && !refused) out.text = "Hold the camera still over the table.";
+      return out;
+    }
+    case TrackingState::initialising:
+      out.kind = HintKind::working;
+      out.text = "Making the first map: keep the table in view.";
+      out.gauge = 1;
+      return out;
+    case TrackingState::trailing:
+      break;
+  }
+  const TrailMotion motion = trail_motion(camera, tracked.trails);
+  const bool begun = motion.median_deg > kBegun_deg;
+  const bool moved = motion.beyond_rotation_deg > std::max(kTrailNoise_deg, kLensShare * motion.median_deg);
+  out.parallax_deg = moved ? std::max(motion.median_deg, motion.beyond_rotation_deg) : 0;
+  out.gauge = std::clamp(out.parallax_deg / options.enough_deg, 0.0, 1.0);
+  const bool few = out.patches > 0 && out.patches < options.few_patches;
+  if (!message.empty()) {
+    out.kind = HintKind::refused;
+    out.text = sentence(message);
+  } else if (begun && !moved) {
+    out.kind = HintKind::turning;
+    out.text = "The camera only turns: slide it sideways.";
+  } else if (out.gauge >= 1) {
+    out.kind = HintKind::ready;
+    out.text = options.automatic ? "Good: hold it there." : "Good: press " + options.key + ".";
+  } else if (few) {
+    out.kind = HintKind::losing;
+    out.text = "Patches are getting lost: slide more slowly, and keep the same part of the table in view.";
+  } else {
+    out.kind = HintKind::slide;
+    out.text = "Slide the camera sideways, about a hand's width.";
+  }
+  return out;
+}
+
+}  // namespace parallax

@@ -1,0 +1,112 @@
+#include "app/live_engine.h"
+
+#include <utility>
+
+#include "app/run_settings.h"
+#include "app/session_recorder.h"
+#include "core/error.h"
+
+namespace parallax {
+
+namespace {
+
+// Of a session without an end, the results of the newest half hour are kept.
+constexpr std::size_t kKeptFrames = 54'000;
+constexpr const char* kSyntheticDesk = "synthetic:desk";
+
+}  // namespace
+
+std::pair<LiveSource, std::string> open_wanted_source(const LiveOptions& options, const UserSettings& settings,
+                                                      const ProgramState& state, LiveSourceOptions source_options) {
+  if (options.width > 0) {
+    source_options.camera.width = options.width;
+    source_options.camera.height = options.height;
+  } else if (settings.width > 0) {
+    source_options.camera.width = settings.width;
+    source_options.camera.height = settings.height;
+  }
+  source_options.camera.tracking_profile = settings.tracking_profile;
+  const auto open = [&](const std::string& name) {
+    return open_live_source(name, options.calibration, source_options);
+  };
+  if (!options.camera.empty()) return {open(options.camera), ""};
+  if (!settings.camera.empty()) return {open(settings.camera), ""};
+  const std::vector<CameraInfo> cameras = list_cameras();
+  std::string problem;
+  // The last one first, then in the order they were found.
+  for (const bool last : {true, false}) {
+    for (const CameraInfo& camera : cameras) {
+      if ((camera.source == state.camera) != last) continue;
+      if (!camera.problem.empty()) {
+        if (problem.empty()) problem = camera.problem;
+        continue;
+      }
+      try {
+        return {open(camera.source), ""};
+      } catch (const InputError& e) {
+        if (problem.empty()) problem = e.what();
+      }
+    }
+  }
+  const std::string remark = problem.empty() ? "no camera found: this is the built-in synthetic desk"
+                                             : problem + ": this is the built-in synthetic desk";
+  return {open(kSyntheticDesk), remark};
+}
+
+std::unique_ptr<SessionRecorder> open_recorder(const std::string& path, const LiveSource& source) {
+  RecordingDescription description;
+  description.source = source.name;
+  description.camera["identity"] = source.identity;
+  if (source.camera != nullptr)
+    for (const CameraControl& control : source.camera->controls())
+      description.camera[control.name] = std::to_string(control.value);
+  return std::make_unique<SessionRecorder>(path, description);
+}
+
+LiveEngine::LiveEngine(const LiveOptions& options, const UserSettings& settings, const ProgramState& state)
+    : options_(options), settings_(settings), state_(state) {
+  run_options_.manual_initialisation = options.init != "auto";
+  run_options_.kept_frames = kKeptFrames;
+  apply_settings(options.settings, &run_options_);
+}
+
+LiveEngine::~LiveEngine() { end(); }
+
+void LiveEngine::open() {
+  opening_ = std::async(std::launch::async, [this] {
+    LiveSourceOptions source_options;
+    source_options.camera.colour = true;
+    return open_wanted_source(options_, settings_, state_, source_options);
+  });
+}
+
+bool LiveEngine::poll_opened() {
+  if (!opening_.valid() || opening_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return false;
+  auto [source, remark] = opening_.get();
+  opening_remark_ = std::move(remark);
+  feed_ = std::make_unique<LiveFeed>(std::move(source));
+  return true;
+}
+
+void LiveEngine::wait_opening(std::chrono::milliseconds at_most) const {
+  if (opening_.valid()) opening_.wait_for(at_most);
+}
+
+void LiveEngine::begin(const CameraModel& lens, bool estimated, const std::string& record_path) {
+  end();
+  std::unique_ptr<SessionRecorder> recorder;
+  if (!record_path.empty()) recorder = open_recorder(record_path, source());
+  lens_ = lens;
+  estimated_ = estimated;
+  record_path_ = record_path;
+  const std::shared_ptr<LiveCamera> tap = feed_->tap();
+  session_ = std::make_unique<LiveSession>(tap, lens, run_options_, std::move(recorder), [tap] { tap->stop(); });
+}
+
+void LiveEngine::end() {
+  if (!session_) return;
+  last_result_ = session_->stop();
+  session_.reset();
+}
+
+}  // namespace parallax

@@ -1,0 +1,73 @@
+// The live source, its feed and the session that tracks it, for the window: opened in parallel with the window, begun
+// when a lens is known, begun anew with another lens.
+//
+// The window's thread calls everything; nothing here waits for a frame.
+#pragma once
+
+#include <future>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "app/live_feed.h"
+#include "app/live_options.h"
+#include "app/live_session.h"
+#include "app/source.h"
+#include "app/user_settings.h"
+
+namespace parallax {
+
+class LiveEngine {
+ public:
+  LiveEngine(const LiveOptions& options, const UserSettings& settings, const ProgramState& state);
+  ~LiveEngine();
+  LiveEngine(const LiveEngine&) = delete;
+  LiveEngine& operator=(const LiveEngine&) = delete;
+
+  // Begins to open the source, on a thread of its own.
+  void open();
+  // True once, when it is open. Throws what opening failed of.
+  bool poll_opened();
+  // Waits for it, at most so long.
+  void wait_opening(std::chrono::milliseconds at_most) const;
+  bool is_open() const { return feed_ != nullptr; }
+  LiveFeed& feed() { return *feed_; }
+  const LiveSource& source() const { return feed_->source(); }
+  // Why another source than the one asked for was opened, in one sentence; empty: it is the one.
+  const std::string& opening_remark() const { return opening_remark_; }
+
+  // Begins a session with this lens; what was mapped before is forgotten. `estimated`: the lens is a guess.
+  // `record_path` empty: no recording. Throws RunError when the recording cannot be made.
+  void begin(const CameraModel& lens, bool estimated, const std::string& record_path);
+  // Ends the session; what it was is kept in last_result().
+  void end();
+  LiveSession* session() const { return session_.get(); }
+  const CameraModel& lens() const { return lens_; }
+  bool lens_is_estimated() const { return estimated_; }
+  const std::string& record_path() const { return record_path_; }
+  const RunOptions& run_options() const { return run_options_; }
+  const std::optional<RunResult>& last_result() const { return last_result_; }
+
+ private:
+  LiveOptions options_;
+  UserSettings settings_;
+  ProgramState state_;
+  RunOptions run_options_;
+  std::future<std::pair<LiveSource, std::string>> opening_;
+  std::unique_ptr<LiveFeed> feed_;
+  std::unique_ptr<LiveSession> session_;
+  CameraModel lens_;
+  bool estimated_ = false;
+  std::string opening_remark_, record_path_;
+  std::optional<RunResult> last_result_;
+};
+
+// The recorder of a session, with what the camera is set to. Throws RunError when the file cannot be made.
+std::unique_ptr<SessionRecorder> open_recorder(const std::string& path, const LiveSource& source);
+
+// The camera to open when none is named: the settings', the last one when it is still there, the first found, the
+// synthetic desk; and a sentence about it where that may surprise. By hand: the synthetic desk is held by the user.
+std::pair<LiveSource, std::string> open_wanted_source(const LiveOptions& options, const UserSettings& settings,
+                                                      const ProgramState& state, LiveSourceOptions source_options);
+
+}  // namespace parallax

@@ -1,0 +1,36 @@
+// What was asked for on the command line of `parallax live`.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace parallax {
+
+struct LiveOptions {
+  std::string camera;       // SOURCE; empty: the settings' one, the last one, the first found, the synthetic desk
+  std::string calibration;  // file; empty: what the camera is known by
+  std::string record;       // file for a recording of the session
+  int width = 0, height = 0;
+  std::string init;       // auto or manual; empty: manual in the window, auto without
+  bool show_fps = false;  // in the window: the timing panel is open at the start
+  bool headless = false;
+  bool full_screen = false;
+  int frames_limit = -1;  // frames read
+  double seconds = 0;     // 0: no limit
+  std::string trajectory, keyframes, report, truth, video;
+  std::string output;                 // folder for screenshots and videos of the window
+  std::vector<std::string> settings;  // NAME=VALUE, as in run
+};
+
+// Set by SIGINT and SIGTERM once catch_end_signals() was called; a second signal ends the program at once.
+void catch_end_signals();
+bool end_requested();
+
+// Each returns an exit code. The second throws RunError when there is no display.
+int run_live_headless(const LiveOptions& options);
+int run_live_window(const LiveOptions& options);
+// The window where there is a display; else headless, leaving a video and saying where.
+int run_live(const LiveOptions& options);
+
+}  // namespace parallax

@@ -1,0 +1,200 @@
+// What the user does in the live window: keys and pointer.
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <imgui.h>
+
+#include <algorithm>
+
+#include "app/live_window.h"
+
+namespace parallax {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+namespace {
+
+// The synthetic camera: speed of the keys, how far a drag across the picture turns, how far a step of the wheel goes.
+constexpr double kHandSpeed = 0.12, kTurnOfPicture = 1.1, kWheelPush_m = 0.05;
+
+}  // namespace
+
+void LiveWindow::take_keys() {
+  for (const KeyEvent& event : window_->poll()) {
+    input_seen_ = true;
+    if (!event.pressed) {
+      // While a text is typed its keys belong to the interface, which misses one that was let go of between two drawn
+      // frames.
+      if (event.key == GLFW_KEY_ENTER || event.key == GLFW_KEY_KP_ENTER) end_task();
+      if (event.key == GLFW_KEY_ESCAPE && state_.typing()) drop_task();
+      continue;
+    }
+    if (const auto action = state_.settings.keys.action_of(event.key, event.modifiers)) act(*action);
+  }
+  move_hand();
+  pointer_ = window_->pointer();
+  if (pointer_.x != last_pointer_.x || pointer_.y != last_pointer_.y || pointer_.scroll != 0 ||
+      pointer_.left != last_pointer_.left || pointer_.middle != last_pointer_.middle ||
+      pointer_.right != last_pointer_.right)
+    input_seen_ = true;
+  if (pointer_.scroll != 0) pending_scroll_ += pointer_.scroll;
+}
+
+void LiveWindow::act(Action action) {
+  LivePanels& panels = state_.panels;
+  const bool tracking_screen = state_.screen == Screen::augmented || state_.screen == Screen::map;
+  const bool pointing = state_.screen == Screen::augmented && shown_ != nullptr;
+  const CameraModel& lens = engine_.lens();
+  switch (action) {
+    case Action::initialise:
+      if (tracking_screen && engine_.session() != nullptr) engine_.session()->press_initialise();
+      break;
+    case Action::reset:
+      state_.requests.reset = true;
+      break;
+    case Action::map_view:
+      if (!tracking_screen) break;
+      state_.screen = state_.screen == Screen::map ? Screen::augmented : Screen::map;
+      orbit_.release();
+      if (state_.screen == Screen::map && shown_ && shown_->map) {
+        orbit_.camera = fit_to_map(*shown_->map, orbit_.camera);
+        if (shown_->map->empty()) state_.toasts.add("there is no map yet");
+      }
+      break;
+    case Action::next_game:
+      state_.toasts.add("there are no games yet");
+      break;
+    case Action::calibrate:
+      state_.requests.calibrate = true;
+      break;
+    case Action::label:
+      if (pointing) pointing_.place_label(lens, *shown_, cursor_px_, &state_);
+      break;
+    case Action::model:
+      if (pointing) pointing_.place_model(lens, *shown_, cursor_px_, &state_);
+      break;
+    case Action::erase:
+      if (pointing) pointing_.erase(lens, *shown_, cursor_px_, &state_);
+      break;
+    case Action::measure:
+      state_.requests.measure = true;
+      break;
+    case Action::plane:
+      state_.requests.find_plane = true;
+      break;
+    case Action::help:
+      panels.help = !panels.help;
+      break;
+    case Action::camera_panel:
+      panels.camera = !panels.camera;
+      break;
+    case Action::map_panel:
+      panels.map = !panels.map;
+      break;
+    case Action::content_panel:
+      panels.content = !panels.content;
+      break;
+    case Action::record_panel:
+      panels.record = !panels.record;
+      break;
+    case Action::debug_panel:
+      panels.debug = !panels.debug;
+      break;
+    case Action::video:
+      state_.requests.video = true;
+      break;
+    case Action::full_screen:
+      window_->set_full_screen(!window_->geometry().full_screen);
+      break;
+    case Action::screenshot:
+      state_.requests.screenshot = true;
+      break;
+    case Action::quit:
+      // First out of what one is in the middle of.
+      if (state_.task != Task::none) {
+        drop_task();
+      } else if (state_.screen == Screen::calibrating) {
+        cancel_calibration();
+      } else {
+        window_->close();
+      }
+      break;
+    case Action::move_left:
+    case Action::move_right:
+    case Action::move_up:
+    case Action::move_down:
+    case Action::move_forward:
+    case Action::move_back:
+      break;  // while they are held: move_hand()
+  }
+}
+
+void LiveWindow::move_hand() {
+  if (!engine_.is_open() || engine_.source().hand == nullptr) return;
+  const bool typing = ImGui::GetIO().WantTextInput;
+  const auto held = [&](Action action) {
+    if (typing) return 0.0;
+    const auto& chords = state_.settings.keys.chords(action);
+    return std::any_of(chords.begin(), chords.end(), [&](const KeyChord& c) { return window_->key_down(c.key); }) ? 1.0
+                                                                                                                  : 0.0;
+  };
+  engine_.source().hand->set_velocity(kHandSpeed * Vector3d(held(Action::move_right) - held(Action::move_left),
+                                                            held(Action::move_up) - held(Action::move_down),
+                                                            held(Action::move_forward) - held(Action::move_back)));
+}
+
+std::optional<Vector2d> LiveWindow::pixel_under_pointer(const Picture& picture) const {
+  const Viewport& v = picture.viewport;
+  if (v.width <= 0 || ImGui::GetIO().WantCaptureMouse) return std::nullopt;
+  const int top = window_->framebuffer_height() - v.y - v.height;
+  const double x = pointer_.x - v.x, y = pointer_.y - top;
+  if (x < 0 || y < 0 || x >= v.width || y >= v.height) return std::nullopt;
+  const CameraModel& lens = engine_.lens();
+  return Vector2d((x + 0.5) * lens.width() / v.width - 0.5, (y + 0.5) * lens.height() / v.height - 0.5);
+}
+
+void LiveWindow::take_pointer(const Picture& picture) {
+  // Buttons as the interface sees them: pressed and let go between two drawn frames still counts.
+  PointerState pointer = pointer_;
+  const ImGuiIO& io = ImGui::GetIO();
+  pointer.left = io.MouseDown[ImGuiMouseButton_Left];
+  pointer.right = io.MouseDown[ImGuiMouseButton_Right];
+  pointer.middle = io.MouseDown[ImGuiMouseButton_Middle];
+  pointer.scroll = pending_scroll_;
+  pending_scroll_ = 0;
+  const double dx = pointer.x - last_pointer_.x, dy = pointer.y - last_pointer_.y;
+  const bool was_down = last_pointer_.left;
+  last_pointer_ = pointer;
+  const bool on_panel = ImGui::GetIO().WantCaptureMouse;
+  cursor_px_ = pixel_under_pointer(picture);
+  if (state_.screen == Screen::map) {
+    if (on_panel) return orbit_.release();
+    const int width = window_->framebuffer_width(), height = window_->framebuffer_height();
+    const auto click = orbit_.update(
+        {pointer.x, pointer.y, pointer.scroll, pointer.left, pointer.middle, pointer.right, ImGui::GetIO().KeyShift},
+        height);
+    if (click && shown_ && shown_->map) {
+      const CameraModel& lens = engine_.lens();
+      selected_keyframe_ =
+          pick_keyframe({shown_->map.get(), &shown_->tracked, &lens, &path_, &state_.content, selected_keyframe_},
+                        orbit_.camera, width, height, *click);
+    }
+    return;
+  }
+  if (state_.screen != Screen::augmented || !shown_) return;
+  const bool taken = pointing_.update(engine_.lens(), *shown_, cursor_px_, pointer.left && !on_panel, &state_);
+  HandControl* hand = engine_.is_open() ? engine_.source().hand : nullptr;
+  if (hand == nullptr || on_panel) {
+    turning_ = false;
+    return;
+  }
+  if (pointer.scroll != 0) hand->push(kWheelPush_m * pointer.scroll);
+  if (pointer.left && !was_down) turning_ = !taken && cursor_px_.has_value();
+  if (!pointer.left) turning_ = false;
+  if (!turning_) return;
+  // The scene follows the pointer, as if it were pushed.
+  const double per_px = kTurnOfPicture / std::max(1, picture.viewport.width);
+  hand->turn(dx * per_px, dy * per_px);
+}
+
+}  // namespace parallax

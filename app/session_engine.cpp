@@ -1,0 +1,209 @@
+#include "app/session_engine.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "app/session_hash.h"
+#include "app/session_recorder.h"
+#include "core/error.h"
+#include "map/append_bounded.h"
+
+namespace parallax {
+namespace {
+
+constexpr std::size_t kInboxCapacity = 32;
+constexpr std::size_t kLiveQueue = 2;
+// After the last frame the mapper may finish what it is at, for so long.
+constexpr double kRealtimeFinish_s = 3.0;
+// Warnings of a source without an end: the newest so many.
+constexpr std::size_t kWarningsKept = 1000;
+
+RunOptions checked(RunOptions options, const SessionRecorder* recorder) {
+  // Which question of a solve was answered with "stop" means something with one solver thread only.
+  if (recorder) options.mapper.threads = 1;
+  return options;
+}
+
+std::unique_ptr<TrackerSchedule> tracker_schedule(const SharedMap* map, MapperInbox* inbox, SessionRecorder* recorder) {
+  if (recorder) return recorder->tracker_schedule(map, inbox);
+  return std::make_unique<LiveTrackerSchedule>(map, inbox);
+}
+
+std::unique_ptr<MapperSchedule> mapper_schedule(MapperInbox* inbox, SessionRecorder* recorder) {
+  if (recorder) return recorder->mapper_schedule(inbox);
+  return std::make_unique<LiveMapperSchedule>(inbox);
+}
+
+}  // namespace
+
+void check_size(const Frame& frame, const CameraModel& camera, const FrameSource& source) {
+  if (frame.grey.cols == camera.width() && frame.grey.rows == camera.height()) return;
+  throw InputError(source.description() + ": the calibration is for images of " + std::to_string(camera.width()) + "x" +
+                   std::to_string(camera.height()) + ", found images of " + std::to_string(frame.grey.cols) + "x" +
+                   std::to_string(frame.grey.rows));
+}
+
+void keep_result(TrackingResult result, const RunOptions& options, RunResult* out) {
+  result.points.clear();
+  result.points.shrink_to_fit();
+  result.trails.clear();
+  result.trails.shrink_to_fit();
+  ++out->frames_delivered;
+  if (result.camera_from_world) ++out->frames_tracked;
+  if (options.kept_frames < std::numeric_limits<std::size_t>::max()) {
+    append_bounded(std::move(result), options.kept_frames, &out->frames);
+  } else {
+    out->frames.push_back(std::move(result));
+  }
+}
+
+void collect_warnings(FrameSource* source, RunResult* out) {
+  for (SourceWarning& w : source->take_warnings()) append_bounded(std::move(w), kWarningsKept, &out->warnings);
+}
+
+void collect_map(const SharedMap& map, RunResult* out) {
+  out->map = map.read([](const Map& m) { return m; });
+  const auto snapshot = map.snapshot();
+  out->world_from_first = snapshot->world_from_first;
+  out->map_version = snapshot->map_version;
+  out->lock_times = map.lock_times();
+  out->snapshot_waits_ms = map.snapshot_waits_ms();
+}
+
+SessionEngine::SessionEngine(FrameSource* source, const CameraModel& camera, const RunOptions& options,
+                             SessionRecorder* recorder)
+    : source_(source),
+      camera_(camera),
+      options_(checked(options, recorder)),
+      recorder_(recorder),
+      inbox_(kInboxCapacity),
+      tracker_schedule_(tracker_schedule(&map_, &inbox_, recorder)),
+      mapper_schedule_(mapper_schedule(&inbox_, recorder)),
+      mapper_(camera, options_.mapper, &map_, mapper_schedule_.get()),
+      tracker_(camera, options_.tracker, options_.automatic_initialisation(), tracker_schedule_.get()),
+      arriving_(kLiveQueue),
+      started_(SteadyClock::now()) {
+  if (recorder_) recorder_->begin(camera_, options_, source_->frames_per_second());
+}
+
+SessionEngine::~SessionEngine() { join(); }
+
+void SessionEngine::start(bool paced) {
+  started_ = SteadyClock::now();
+  mapping_ = std::jthread([this](std::stop_token stop) {
+    try {
+      mapper_.run(stop);
+    } catch (...) {
+      fail(std::current_exception());
+      inbox_.close();
+      arriving_.close();
+    }
+  });
+  reading_ = std::jthread([this, paced](std::stop_token stop) {
+    try {
+      read_frames(stop, paced);
+    } catch (...) {
+      fail(std::current_exception());
+    }
+    source_ended_ = true;
+    arriving_.close();
+  });
+}
+
+// Whether or not the tracker is ready; the newest frame is kept.
+void SessionEngine::read_frames(std::stop_token stop, bool paced) {
+  std::optional<Timestamp> first;
+  const auto start = SteadyClock::now();
+  Mutex mutex;
+  std::condition_variable_any wake;
+  while (!stop.stop_requested()) {
+    auto frame = source_->next();
+    if (!frame) break;
+    check_size(*frame, camera_, *source_);
+    if (paced) {
+      if (!first) first = frame->time;
+      const std::chrono::duration<double, std::nano> since_first = frame->time - *first;
+      const auto due = start + std::chrono::duration_cast<SteadyClock::duration>(since_first / options_.speed);
+      MutexLock lock(mutex);
+      wake.wait_until(mutex, stop, due, [] { return false; });
+    }
+    if (stop.stop_requested()) break;
+    ++frames_read_;
+    if (recorder_) recorder_->add_frame(*frame);
+    if (arriving_.push_drop_oldest(std::move(*frame))) ++frames_dropped_;
+  }
+}
+
+void SessionEngine::fail(std::exception_ptr failure) {
+  MutexLock lock(failure_mutex_);
+  if (!failure_) failure_ = std::move(failure);
+}
+
+std::string SessionEngine::failure() const {
+  std::exception_ptr failure;
+  {
+    MutexLock lock(failure_mutex_);
+    failure = failure_;
+  }
+  if (!failure) return "";
+  try {
+    std::rethrow_exception(failure);
+  } catch (const std::exception& e) {
+    return e.what();
+  } catch (...) {
+    return "internal error: unknown exception";
+  }
+}
+
+void SessionEngine::track_all(const std::function<bool(int)>& key_at, const FrameObserver& observer) {
+  while (auto frame = arriving_.pop()) {
+    const bool key = key_at(frame->index);
+    TrackingResult result = tracker_.track(*frame, key);
+    if (recorder_) recorder_->frame_tracked(frame->index, key, hash_of(result));
+    if (observer) observer(*frame, result, tracker_.map());
+    keep_result(std::move(result), options_, &result_);
+  }
+}
+
+void SessionEngine::stop_tracking() {
+  arriving_.close();
+  arriving_.clear();
+}
+
+void SessionEngine::join() {
+  arriving_.close();
+  if (reading_.joinable()) {
+    reading_.request_stop();  // when the mapper failed, the rest of the recording is not waited for
+    reading_.join();
+  }
+  if (mapping_.joinable()) {
+    mapping_.request_stop();
+    mapping_.join();
+  }
+}
+
+RunResult SessionEngine::finish() {
+  // The tracker has stopped: no new keyframes come, so the mapper finishes its work within a limit.
+  const auto end = SteadyClock::now() +
+                   std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(kRealtimeFinish_s));
+  join();
+  collect_warnings(source_, &result_);
+  std::exception_ptr failure;
+  {
+    MutexLock lock(failure_mutex_);
+    failure = failure_;
+  }
+  if (failure) std::rethrow_exception(failure);
+  while (SteadyClock::now() < end && mapper_.step()) {
+  }
+  inbox_.close();
+  result_.frames_read = frames_read_;
+  result_.frames_dropped = frames_dropped_;
+  result_.mapper = mapper_.statistics();
+  result_.wall_seconds = milliseconds_since(started_) * 1e-3;
+  collect_map(map_, &result_);
+  if (recorder_) recorder_->finish(hash_of(result_.map));
+  return std::move(result_);
+}
+
+}  // namespace parallax

@@ -1,0 +1,168 @@
+#include "calib/model_selection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/initial_lens.h"
+#include "core/error.h"
+
+namespace parallax {
+namespace {
+
+// By the number of parameters.
+constexpr LensModel candidates[] = {LensModel::pinhole,        LensModel::fov,     LensModel::radtan4,
+                                    LensModel::kannala_brandt, LensModel::radtan5, LensModel::radtan8};
+
+CalibrationOptions options_of(const CalibrationRequest& request, LensModel model) {
+  CalibrationOptions options;
+  options.model = model;
+  options.freedom = request.freedom;
+  options.outlier_sigmas = request.outlier_sigmas;
+  options.stop = request.stop;
+  return options;
+}
+
+// Errors that differ by less are equal for any use.
+constexpr double equal_share = 0.01;
+
+struct Split {
+  CalibrationData fit, held;
+};
+
+// Every k-th view from `phase` on is held out.
+Split split(const CalibrationData& data, int k, int phase) {
+  Split out;
+  out.fit = out.held = {data.target, data.width, data.height, {}};
+  for (std::size_t i = 0; i < data.views.size(); ++i)
+    (static_cast<int>(i) % k == phase ? out.held : out.fit).views.push_back(data.views[i]);
+  return out;
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
+}
+
+// Errors of all views, each by a lens fitted without it; empty with a reason when a fold fails.
+std::vector<double> cross_validated(const CalibrationData& data, const CalibrationRequest& request, LensModel model,
+                                    const std::vector<CameraModel>& starts, std::string* reason) {
+  const int folds = std::min(request.folds, static_cast<int>(data.views.size()));
+  CalibrationOptions options = options_of(request, model);
+  options.starts = starts;
+  const CameraCalibration whole = calibrate_camera(data, options);
+  if (!whole.ok) {
+    *reason = whole.reason;
+    return {};
+  }
+  options.starts = {whole.camera};  // where a fold begins; where it ends is for its own views to say
+  std::vector<double> errors(data.views.size(), 0.0);
+  for (int fold = 0; fold < folds; ++fold) {
+    const Split parts = split(data, folds, fold);
+    const CameraCalibration fitted = calibrate_camera(parts.fit, options);
+    if (!fitted.ok) {
+      *reason = fitted.reason;
+      return {};
+    }
+    std::vector<double> fold_errors;
+    (void)held_out_error(fitted.camera, parts.held, &fold_errors);
+    fold_errors.resize(parts.held.views.size(), std::numeric_limits<double>::infinity());
+    for (std::size_t i = 0; i < fold_errors.size(); ++i)
+      errors[i * static_cast<std::size_t>(folds) + static_cast<std::size_t>(fold)] = fold_errors[i];
+  }
+  return errors;
+}
+
+}  // namespace
+
+void CalibrationRequest::validate() const {
+  if (!(hold_out >= 0 && hold_out <= 0.5))
+    throw InputError("hold-out: found " + std::to_string(hold_out) + ", expected a share from 0 to 0.5");
+  if (folds < 2) throw InputError("folds: found " + std::to_string(folds) + ", expected 2 or more");
+}
+
+std::vector<ModelScore> score_models(const CalibrationData& data, const CalibrationRequest& request) {
+  request.validate();
+  std::vector<ModelScore> scores;
+  std::vector<std::vector<double>> errors;
+  const std::vector<Eigen::Vector3d> points = target_points(data.target);
+  std::vector<ViewPoints> views;
+  for (const auto& view : data.views) views.push_back(view_points(points, view.corners));
+  std::vector<CameraModel> starts;
+  for (const auto& guess : guess_lenses(views, data.width, data.height)) starts.push_back(guess.camera);
+  for (const LensModel model : candidates) {
+    ModelScore score;
+    score.model = model;
+    errors.push_back(cross_validated(data, request, model, starts, &score.reason));
+    score.ok = !errors.back().empty();
+    score.error_px = score.ok ? median(errors.back()) : 0;
+    if (score.ok && !std::isfinite(score.error_px)) {
+      score.ok = false;
+      score.reason = "half of the views are outside what the lens can show";
+    }
+    scores.push_back(score);
+  }
+  std::size_t best = scores.size();
+  for (std::size_t i = 0; i < scores.size(); ++i)
+    if (scores[i].ok && (best == scores.size() || scores[i].error_px < scores[best].error_px)) best = i;
+  for (std::size_t i = 0; best < scores.size() && i < scores.size(); ++i) {
+    if (!scores[i].ok) continue;
+    // View by view against the best; views that one of the two got wholly wrong (a bad detection) are cut to ten times
+    // the best one's median.
+    const double limit = 10 * scores[best].error_px;
+    double sum = 0, sum2 = 0;
+    const auto n = static_cast<double>(errors[i].size());
+    for (std::size_t v = 0; v < errors[i].size(); ++v) {
+      const double d = std::min(errors[i][v], limit) - std::min(errors[best][v], limit);
+      sum += d;
+      sum2 += d * d;
+    }
+    scores[i].excess_px = sum / n;
+    scores[i].excess_error_px = std::sqrt(std::max(sum2 / n - sum * sum / (n * n), 0.0) / std::max(n - 1, 1.0));
+  }
+  return scores;
+}
+
+LensModel choose_model(const std::vector<ModelScore>& scores) {
+  for (const auto& score : scores)  // simplest first
+    if (score.ok &&
+        score.excess_px <= std::max(2 * score.excess_error_px, equal_share * (score.error_px - score.excess_px)))
+      return score.model;
+  return LensModel::radtan4;
+}
+
+CalibrationOutcome run_calibration(const CalibrationData& data, const CalibrationRequest& request) {
+  request.validate();
+  CalibrationOutcome out;
+  LensModel model = request.model.value_or(LensModel::radtan4);
+  if (!request.model) {
+    if (data.views.size() >= 4) {
+      out.scores = score_models(data, request);
+      if (request.stop.stop_requested()) {
+        out.reason = "stopped";
+        return out;
+      }
+      model = choose_model(out.scores);
+    }
+  }
+  out.calibration = calibrate_camera(data, options_of(request, model));
+  out.ok = out.calibration.ok;
+  out.reason = out.calibration.reason;
+  if (!out.ok || request.hold_out <= 0) return out;
+  const int every = std::max(2, static_cast<int>(std::lround(1 / request.hold_out)));
+  const Split parts = split(data, every, every / 2);
+  if (parts.held.views.empty() || parts.fit.views.size() < 3) return out;
+  CalibrationOptions options = options_of(request, model);
+  options.starts = {out.calibration.camera};
+  const CameraCalibration fitted = calibrate_camera(parts.fit, options);
+  if (!fitted.ok) return out;
+  std::vector<double> errors;
+  (void)held_out_error(fitted.camera, parts.held, &errors);
+  out.held_out_px = median(errors);
+  out.held_out_views = static_cast<int>(parts.held.views.size());
+  return out;
+}
+
+}  // namespace parallax

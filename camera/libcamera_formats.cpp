@@ -1,0 +1,147 @@
+#ifdef PARALLAX_HAVE_LIBCAMERA
+
+#include "camera/libcamera_formats.h"
+
+#include <libcamera/logging.h>
+
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <utility>
+
+#include "camera/image_file.h"
+#include "core/error.h"
+#include "core/mutex.h"
+
+namespace parallax {
+namespace {
+
+// libcamera names RGB formats by the bits of a little-endian number: RGB888 lies in memory as blue, green, red.
+const std::array<std::pair<PixelFormat, libcamera::PixelFormat>, 7> kFormats{
+    {{PixelFormat::yuyv, libcamera::formats::YUYV},
+     {PixelFormat::uyvy, libcamera::formats::UYVY},
+     {PixelFormat::nv12, libcamera::formats::NV12},
+     {PixelFormat::bgr24, libcamera::formats::RGB888},
+     {PixelFormat::rgb24, libcamera::formats::BGR888},
+     {PixelFormat::grey, libcamera::formats::R8},
+     {PixelFormat::mjpeg, libcamera::formats::MJPEG}}};
+
+std::string snake_case(const std::string& camel_case) {
+  std::string name;
+  for (const char c : camel_case) {
+    const auto character = static_cast<unsigned char>(c);
+    if (std::isupper(character) != 0 && !name.empty()) name += '_';
+    name += static_cast<char>(std::tolower(character));
+  }
+  return name;
+}
+
+std::optional<std::int64_t> to_integer(const libcamera::ControlValue& value) {
+  if (value.isArray()) return std::nullopt;
+  switch (value.type()) {
+    case libcamera::ControlTypeBool:
+      return value.get<bool>() ? 1 : 0;
+    case libcamera::ControlTypeInteger32:
+      return value.get<std::int32_t>();
+    case libcamera::ControlTypeInteger64:
+      return value.get<std::int64_t>();
+    case libcamera::ControlTypeFloat: {
+      constexpr double largest = 1e15;
+      const double milli = 1e3 * static_cast<double>(value.get<float>());
+      return std::isfinite(milli) && std::abs(milli) < largest ? std::optional(std::llround(milli)) : std::nullopt;
+    }
+    default:
+      return std::nullopt;
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<libcamera::CameraManager> libcamera_manager() {
+  static std::mutex mutex;
+  static std::weak_ptr<libcamera::CameraManager> shared;
+  const std::lock_guard lock(mutex);
+  if (auto manager = shared.lock()) return manager;
+  // Its log goes to the console otherwise; LIBCAMERA_LOG_FILE still writes it to a file.
+  static const bool quiet = libcamera::logSetTarget(libcamera::LoggingTargetNone) == 0;
+  (void)quiet;
+  auto started = std::make_unique<libcamera::CameraManager>();
+  if (started->start() != 0) throw InputError("libcamera: cannot be started");
+  std::shared_ptr<libcamera::CameraManager> manager(started.release(), [](libcamera::CameraManager* stopped) {
+    stopped->stop();
+    std::default_delete<libcamera::CameraManager>()(stopped);
+  });
+  shared = manager;
+  return manager;
+}
+
+std::optional<PixelFormat> pixel_format_of(const libcamera::PixelFormat& format) {
+  for (const auto& [ours, theirs] : kFormats) {
+    if (theirs == format) return ours;
+  }
+  return std::nullopt;
+}
+
+libcamera::PixelFormat libcamera_format_of(PixelFormat format) {
+  for (const auto& [ours, theirs] : kFormats) {
+    if (ours == format) return theirs;
+  }
+  return {};
+}
+
+std::vector<CameraFormat> libcamera_formats(const libcamera::StreamConfiguration& stream) {
+  std::vector<CameraFormat> formats;
+  for (const auto& theirs : stream.formats().pixelformats()) {
+    const auto ours = pixel_format_of(theirs);
+    for (const auto& size : stream.formats().sizes(theirs)) {
+      CameraFormat format;
+      format.pixel_format = ours ? fourcc_text(fourcc_of(*ours)) : theirs.toString();
+      format.width = static_cast<int>(size.width);
+      format.height = static_cast<int>(size.height);
+      format.usable = ours.has_value() && image_size_problem({format.width, format.height}).empty();
+      formats.push_back(std::move(format));
+    }
+  }
+  return formats;
+}
+
+libcamera::ControlValue LibcameraControl::to_value(std::int64_t value) const {
+  switch (type) {
+    case libcamera::ControlTypeBool:
+      return libcamera::ControlValue(value != 0);
+    case libcamera::ControlTypeInteger32:
+      return libcamera::ControlValue(static_cast<std::int32_t>(value));
+    case libcamera::ControlTypeFloat:
+      return libcamera::ControlValue(static_cast<float>(static_cast<double>(value) * 1e-3));
+    default:
+      return libcamera::ControlValue(value);
+  }
+}
+
+std::vector<LibcameraControl> libcamera_controls(const libcamera::Camera& camera) {
+  std::vector<LibcameraControl> controls;
+  for (const auto& [id, info] : camera.controls()) {
+    const auto minimum = to_integer(info.min()), maximum = to_integer(info.max());
+    if (!minimum || !maximum) continue;
+    LibcameraControl out;
+    out.id = id->id();
+    out.type = id->type();
+    out.control.name = snake_case(id->name()) + (out.type == libcamera::ControlTypeFloat ? "_milli" : "");
+    out.control.minimum = *minimum;
+    out.control.maximum = *maximum;
+    out.control.default_value = out.control.value = to_integer(info.def()).value_or(*minimum);
+    for (const auto& value : info.values()) {
+      if (const auto number = to_integer(value)) out.control.menu.emplace_back(*number, value.toString());
+    }
+    controls.push_back(std::move(out));
+  }
+  return controls;
+}
+
+std::string libcamera_product(const libcamera::Camera& camera) {
+  return camera.properties().get(libcamera::properties::Model).value_or(camera.id());
+}
+
+}  // namespace parallax
+
+#endif  // PARALLAX_HAVE_LIBCAMERA

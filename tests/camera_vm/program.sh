@@ -1,0 +1,10 @@
+# Sourced by guest.sh: the whole program on the simulated USB camera that shows the synthetic desk. It initialises by itself, and
+# what it tracked is measured against the poses that the film was made with, at the times at which its frames were shown.
+rate=5 frames=75
+plug_in 320 240 $rate /vm/film.grey
+check "the program on the USB camera" timeout 55 /vm/parallax live --headless --camera v4l2: --size 320x240 \
+  --calibration /vm/calibration.yaml --frames-limit $((frames - 5)) --trajectory /vm/trajectory.txt --report /vm/report.json
+pull_out
+# The true poses with the times instead of the frame numbers.
+awk 'NR == FNR { time[$1] = $2; next } $1 in time { $1 = time[$1]; print }' /vm/film.grey.times /vm/truth.txt >/vm/truth_timed.txt
+check "its trajectory" /vm/parallax eval /vm/trajectory.txt /vm/truth_timed.txt --max-time-difference 0.05 --json /vm/eval.json

@@ -1,0 +1,262 @@
+// The real window on a virtual screen: keys pressed with xdotool, screenshots looked at.
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "render/synthetic_source.h"
+#include "tests/support/process.h"
+
+namespace parallax::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+bool is_installed(const std::string& program) {
+  return run_process("/bin/sh", {"-c", "command -v " + program}).exit_code == 0;
+}
+
+// A child that is ended with the test.
+class Child {
+ public:
+  Child(const std::vector<std::string>& words, const std::vector<std::string>& environment, int inherited = -1,
+        const std::string& output = "/dev/null") {
+    std::vector<std::string> copy = words;
+    std::vector<char*> argv;
+    for (auto& word : copy) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    pid_ = fork();
+    if (pid_ != 0) return;
+    for (const auto& entry : environment) putenv(const_cast<char*>(entry.c_str()));
+    const int out = open(output.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+    dup2(out, 1);
+    dup2(out, 2);
+    if (inherited >= 0) fcntl(inherited, F_SETFD, 0);
+    execvp(argv[0], argv.data());
+    _exit(127);
+  }
+  ~Child() {
+    if (pid_ <= 0) return;
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  // The exit code; nothing when it has not ended in time.
+  std::optional<int> wait_for(std::chrono::seconds patience) {
+    const auto end = Clock::now() + patience;
+    while (Clock::now() < end) {
+      int status = 0;
+      if (waitpid(pid_, &status, WNOHANG) == pid_) {
+        pid_ = -1;
+        return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+      }
+      poll(nullptr, 0, 20);
+    }
+    return std::nullopt;
+  }
+
+ private:
+  pid_t pid_ = -1;
+};
+
+class WindowTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    for (const char* program : {"Xvfb", "xdotool"})
+      if (!is_installed(program)) GTEST_SKIP() << program << " is not installed";
+    int number[2];
+    ASSERT_EQ(pipe2(number, O_CLOEXEC), 0);
+    screen_.emplace(std::vector<std::string>{"Xvfb", "-displayfd", std::to_string(number[1]), "-screen", "0",
+                                             "800x600x24", "-nolisten", "tcp"},
+                    std::vector<std::string>{}, number[1]);
+    close(number[1]);
+    pollfd ready{number[0], POLLIN, 0};
+    char text[16] = {};
+    if (poll(&ready, 1, 30'000) == 1 && read(number[0], text, sizeof text - 1) > 0)
+      display_ = ":" + std::to_string(std::atoi(text));
+    close(number[0]);
+    ASSERT_FALSE(display_.empty()) << "Xvfb did not start";
+    fs::create_directories(folder_.path() / "parallax");
+    folder_.write("parallax/state.yaml",
+                  "window: {x: 0, y: 0, width: 640, height: 480, full_screen: false}\nfuture: kept\n");
+  }
+
+  std::vector<std::string> environment() const {
+    return {"DISPLAY=" + display_,
+            "WAYLAND_DISPLAY=",
+            "PARALLAX_SETTINGS=",
+            "LIBGL_ALWAYS_SOFTWARE=1",
+            "XDG_CONFIG_HOME=" + folder_.path().string(),
+            "XDG_DATA_HOME=" + folder_.path().string()};
+  }
+  void start(const std::string& camera, std::vector<std::string> more = {}) {
+    std::vector<std::string> words{
+        PARALLAX_BINARY,       "live", "--camera", camera, "--output", folder_.file("out"), "--report",
+        folder_.file("r.json")};
+    words.insert(words.end(), more.begin(), more.end());
+    program_.emplace(words, environment(), -1, folder_.file("log"));
+  }
+  std::string xdotool(std::vector<std::string> words) const {
+    return run_process("/usr/bin/env",
+                       [&] {
+                         words.insert(words.begin(), "xdotool");
+                         return words;
+                       }(),
+                       {"DISPLAY=" + display_})
+        .out;
+  }
+  void key(const std::string& name) const { xdotool({"key", name}); }
+  // Waits until the window's title holds the text.
+  bool title_says(const std::string& text, int seconds = 40) const {
+    const auto end = Clock::now() + std::chrono::seconds(seconds);
+    while (Clock::now() < end) {
+      if (xdotool({"search", "--name", "Parallax", "getwindowname"}).find(text) != std::string::npos) return true;
+      poll(nullptr, 0, 30);
+    }
+    return false;
+  }
+  int pictures() const {
+    int count = 0;
+    std::error_code none;
+    for (const auto& entry : fs::directory_iterator(folder_.path() / "out", none))
+      count += entry.path().extension() == ".png" ? 1 : 0;
+    return count;
+  }
+  // Presses F12 and reads what it left.
+  cv::Mat3b screenshot() const {
+    std::vector<fs::path> before, now;
+    const auto list = [&](std::vector<fs::path>* out) {
+      std::error_code none;
+      for (const auto& entry : fs::directory_iterator(folder_.path() / "out", none))
+        if (entry.path().extension() == ".png") out->push_back(entry.path());
+    };
+    list(&before);
+    key("F12");
+    const auto end = Clock::now() + std::chrono::seconds(20);
+    while (Clock::now() < end) {
+      now.clear();
+      list(&now);
+      for (const auto& path : now)
+        if (std::find(before.begin(), before.end(), path) == before.end()) return cv::imread(path.string());
+      poll(nullptr, 0, 30);
+    }
+    return {};
+  }
+  // Space, a slide to the right, Space; again when that was not enough.
+  bool initialise() const {
+    for (int attempt = 0; attempt < 3; ++attempt) {
+      key("space");
+      if (!title_says("trailing", 15)) continue;
+      xdotool({"keydown", attempt % 2 == 0 ? "Right" : "Left"});
+      poll(nullptr, 0, 1300);
+      xdotool({"keyup", attempt % 2 == 0 ? "Right" : "Left"});
+      poll(nullptr, 0, 500);
+      key("space");
+      if (title_says("tracking", 15)) return true;
+    }
+    return false;
+  }
+
+  ScratchFolder folder_;
+  std::string display_;
+  std::optional<Child> screen_, program_;
+};
+
+// How many pixels have the colour of the grid: blue-green, lighter than anything of the desk.
+int grid_pixels(const cv::Mat3b& picture) {
+  cv::Mat hsv, mask;
+  cv::cvtColor(picture, hsv, cv::COLOR_BGR2HSV);
+  cv::inRange(hsv, cv::Scalar(90, 90, 150), cv::Scalar(110, 255, 255), mask);
+  return cv::countNonZero(mask);
+}
+
+TEST_F(WindowTest, KeysInitialiseShowTheMapAndSavePictures) {
+  start("synthetic:desk?size=320x240");
+  ASSERT_TRUE(title_says("waiting")) << read_all(folder_.file("log"));
+
+  // The desk as the camera sees it from where it starts, upright and unmirrored; tremor and sampling differ.
+  const cv::Mat3b live = screenshot();
+  ASSERT_EQ(live.size(), cv::Size(640, 480));
+  const cv::Mat3b sequence = open_synthetic_source("desk?size=320x240",
+                                                   [] {
+                                                     SourceOptions options;
+                                                     options.colour = true;
+                                                     return options;
+                                                   }())
+                                 ->frame(0)
+                                 .colour;
+  cv::Mat3b small, seen;
+  cv::resize(live, small, {32, 24}, 0, 0, cv::INTER_AREA);
+  cv::resize(sequence, seen, {32, 24}, 0, 0, cv::INTER_AREA);
+  const auto rows = cv::Range(5, 22);  // between hint and state line
+  EXPECT_LT(cv::norm(small.rowRange(rows), seen.rowRange(rows), cv::NORM_L1) / (3.0 * 32 * rows.size()), 14);
+  cv::Mat3b mirrored;
+  cv::flip(seen, mirrored, 1);
+  EXPECT_GT(cv::norm(small.rowRange(rows), mirrored.rowRange(rows), cv::NORM_L1) / (3.0 * 32 * rows.size()), 25);
+
+  ASSERT_TRUE(initialise()) << read_all(folder_.file("log"));
+  const cv::Mat3b tracked = screenshot();
+  ASSERT_FALSE(tracked.empty());
+  EXPECT_GT(grid_pixels(tracked), grid_pixels(live) + 400);
+
+  key("m");
+  ASSERT_TRUE(title_says("map"));
+  const cv::Mat3b map = screenshot();
+  ASSERT_FALSE(map.empty());
+  EXPECT_LT(cv::mean(cv::mean(map))[0], 0.6 * cv::mean(cv::mean(live))[0]);  // lines and points on a dark ground
+  cv::Mat grey;
+  cv::cvtColor(map, grey, cv::COLOR_BGR2GRAY);
+  EXPECT_GT(cv::countNonZero(grey > 90), 300);
+
+  key("q");
+  const auto code = program_->wait_for(std::chrono::seconds(30));
+  ASSERT_TRUE(code.has_value()) << "q does not quit";
+  EXPECT_EQ(*code, 0) << read_all(folder_.file("log"));
+  const auto report = nlohmann::json::parse(read_all(folder_.file("r.json")), nullptr, false);
+  ASSERT_FALSE(report.is_discarded());
+  EXPECT_GT(report.at("frames").at("tracked").get<int>(), 5);
+  EXPECT_EQ(pictures(), 3);
+  const std::string state = read_all(folder_.file("parallax/state.yaml"));
+  EXPECT_NE(state.find("width: 640"), std::string::npos) << state;
+  EXPECT_NE(state.find("future: kept"), std::string::npos) << state;
+}
+
+TEST_F(WindowTest, UnknownLensIsAskedForAndMarked) {
+  start("synthetic:desk?size=160x120&calibration=none");
+  ASSERT_TRUE(title_says("first time")) << read_all(folder_.file("log"));
+  // The lower of the two large buttons, in the middle of the window.
+  bool went_on = false;
+  for (int attempt = 0; attempt < 5 && !went_on; ++attempt) {
+    xdotool({"mousemove", "320", "287", "click", "1"});
+    went_on = title_says("waiting", 5);
+  }
+  EXPECT_TRUE(went_on);
+  ASSERT_EQ(kill(std::stoi(xdotool({"search", "--name", "Parallax", "getwindowpid"})), SIGTERM), 0);
+  const auto code = program_->wait_for(std::chrono::seconds(30));
+  ASSERT_TRUE(code.has_value()) << "SIGTERM does not end it";
+  EXPECT_EQ(*code, 0) << read_all(folder_.file("log"));
+  EXPECT_FALSE(nlohmann::json::parse(read_all(folder_.file("r.json")), nullptr, false).is_discarded());
+}
+
+TEST_F(WindowTest, NoSuchCameraEndsWithOneLine) {
+  start("v4l2:/dev/nowhere");
+  const auto code = program_->wait_for(std::chrono::seconds(30));
+  ASSERT_TRUE(code.has_value());
+  EXPECT_EQ(*code, 2);
+  EXPECT_EQ(count_lines(read_all(folder_.file("log"))), 1) << read_all(folder_.file("log"));
+}
+
+}  // namespace
+}  // namespace parallax::testing
