@@ -80,11 +80,20 @@ void plot_map(const CameraCalibration& c, const std::string& path) {
   canvas->save(path);
 }
 
-// From blue (none) over green and yellow to red (the limit).
+// From nearly white (none) over orange to red (the limit).
 CanvasColour heat(double share) {
-  const double s = std::clamp(share, 0.0, 1.0);
-  const auto level = [](double v) { return static_cast<int>(std::lround(255 * std::clamp(v, 0.0, 1.0))); };
-  return {level(1.5 - std::abs(4 * s - 3.2)), level(1.5 - std::abs(4 * s - 2)), level(1.5 - std::abs(4 * s - 0.9))};
+  const double s = 2 * std::clamp(share, 0.0, 1.0);
+  const auto mix = [s](int a, int b, int c) {
+    return static_cast<int>(std::lround(s < 1 ? a + s * (b - a) : b + (s - 1) * (c - b)));
+  };
+  return {mix(240, 255, 200), mix(246, 195, 40), mix(255, 90, 30)};
+}
+
+// A filled rectangle of thin lines, since lines are all that a canvas draws.
+void fill(Canvas* canvas, double x, double y, double width, double height, CanvasColour colour) {
+  constexpr double step = 2;
+  for (double at = 0.5 * step; at < height; at += step)
+    canvas->polyline({{x, y + at}, {x + width, y + at}}, colour, step + 0.5);
 }
 
 void plot_uncertainty(const CalibrateReport& report, const std::string& path) {
@@ -98,8 +107,8 @@ void plot_uncertainty(const CalibrateReport& report, const std::string& path) {
   const double cell_width = width / map.columns, cell_height = height / map.rows;
   for (int row = 0; row < map.rows; ++row) {
     for (int column = 0; column < map.columns; ++column) {
-      const double y = margin + (row + 0.5) * cell_height, x = margin + column * cell_width;
-      canvas->polyline({{x, y}, {x + cell_width, y}}, heat(map.at(column, row) / limit), cell_height + 1);
+      fill(canvas.get(), margin + column * cell_width, margin + row * cell_height, cell_width, cell_height,
+           heat(map.at(column, row) / limit));
     }
   }
   for (int row = 0; row < map.rows; row += 3)
@@ -110,8 +119,7 @@ void plot_uncertainty(const CalibrateReport& report, const std::string& path) {
   canvas->text({margin + 0.5 * width, margin - 12}, "projection uncertainty, one standard deviation in pixels", 13,
                TextAnchor::middle, black);
   for (int i = 0; i < 100; ++i) {
-    const double x = margin + width * i / 100;
-    canvas->polyline({{x, margin + height + 20}, {x + width / 100 + 1, margin + height + 20}}, heat(i / 99.0), 14);
+    fill(canvas.get(), margin + width * i / 100, margin + height + 14, width / 100, 12, heat(i / 99.0));
   }
   canvas->text({margin, margin + height + 46}, "0", 12, TextAnchor::left, black);
   canvas->text({margin + width, margin + height + 46}, rounded(limit, 3) + " px", 12, TextAnchor::right, black);

@@ -113,8 +113,8 @@ Json calibration_json(const CalibrateReport& report) {
                       {"ok", score.ok},
                       {"reason", score.reason},
                       {"cross_validated_px", score.error_px},
-                      {"excess_px", score.excess_px},
-                      {"excess_standard_error_px", score.excess_error_px}});
+                      {"excess", score.excess},
+                      {"excess_standard_error", score.excess_error}});
   out["models_tried"] = models;
   out["uncertainty_px"] = {{"max", report.uncertainty.max_px},
                            {"mean", report.uncertainty.mean_px},

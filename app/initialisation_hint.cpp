@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kDegrees = 180 / M_PI;
 constexpr int kMinTrails = 8;
+constexpr std::size_t kMostTrails = 200;
 // What is left of the trails when a rotation has been taken away: the noise of following them stays below this...
 constexpr double kTrailNoise_deg = 0.06;
 // ...and the lens is calibrated to about this share of the movement.
@@ -18,6 +19,8 @@ constexpr double kLensShare = 0.02;
 constexpr double kBegun_deg = 1.0;
 // Trails further off the rotation than this many medians do not help to find it.
 constexpr double kOutlier = 3;
+// Fewer patches than this give no map, however they move.
+constexpr int kNothingToSee = 30;
 // How the tracker says what to do when nothing was refused.
 constexpr const char* kInstruction = "press ";
 
@@ -52,7 +55,10 @@ std::string sentence(std::string text) {
 
 TrailMotion trail_motion(const CameraModel& camera, const std::vector<std::array<Eigen::Vector2f, 2>>& trails) {
   std::vector<Eigen::Vector3d> from, to;
-  for (const auto& t : trails) {
+  // Evenly chosen: the trails are drawn with every frame, and more of them say no more.
+  const std::size_t step = std::max<std::size_t>(1, trails.size() / kMostTrails);
+  for (std::size_t i = 0; i < trails.size(); i += step) {
+    const auto& t = trails[i];
     Eigen::Vector3d a, b;
     if (!camera.unproject(t[0].cast<double>(), &a) || !camera.unproject(t[1].cast<double>(), &b)) continue;
     from.push_back(a.normalized());
@@ -102,10 +108,13 @@ InitialisationHint initialisation_hint(const CameraModel& camera, const Tracking
   const bool moved = motion.beyond_rotation_deg > std::max(kTrailNoise_deg, kLensShare * motion.median_deg);
   out.parallax_deg = moved ? std::max(motion.median_deg, motion.beyond_rotation_deg) : 0;
   out.gauge = std::clamp(out.parallax_deg / options.enough_deg, 0.0, 1.0);
-  const bool few = out.patches > 0 && out.patches < options.few_patches;
-  if (!message.empty()) {
+  const bool few = out.patches < options.few_patches;
+  if (!message.empty() && !options.automatic) {
     out.kind = HintKind::refused;
     out.text = sentence(message);
+  } else if (out.patches < kNothingToSee) {
+    out.kind = HintKind::losing;
+    out.text = "There is too little to see here: choose a view with more texture, or more light.";
   } else if (begun && !moved) {
     out.kind = HintKind::turning;
     out.text = "The camera only turns: slide it sideways.";

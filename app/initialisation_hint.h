@@ -29,7 +29,8 @@ struct InitialisationHint {
 };
 
 struct HintOptions {
-  bool automatic = false;  // the frames are chosen by the program: no key is asked for
+  // The frames are chosen by the program: no key is asked for, and a try that was refused is followed by the next.
+  bool automatic = false;
   std::string key = "Space";
   // Half the angle of 10 cm at 60 cm, about what a slide across a desk gives. The solver needs 1 degree at the least;
   // more parallax makes a better first map.

@@ -70,7 +70,7 @@ LiveEngine::LiveEngine(const LiveOptions& options, const UserSettings& settings,
   apply_settings(options.settings, &run_options_);
 }
 
-LiveEngine::~LiveEngine() { end(); }
+LiveEngine::~LiveEngine() = default;
 
 void LiveEngine::open() {
   opening_ = std::async(std::launch::async, [this] {
@@ -93,7 +93,11 @@ void LiveEngine::wait_opening(std::chrono::milliseconds at_most) const {
 }
 
 void LiveEngine::begin(const CameraModel& lens, bool estimated, const std::string& record_path) {
-  end();
+  try {
+    end();
+  } catch (const std::exception&) {
+    // What the session before failed of was told when it happened (LiveSession::take_failure).
+  }
   std::unique_ptr<SessionRecorder> recorder;
   if (!record_path.empty()) recorder = open_recorder(record_path, source());
   lens_ = lens;
@@ -104,9 +108,7 @@ void LiveEngine::begin(const CameraModel& lens, bool estimated, const std::strin
 }
 
 void LiveEngine::end() {
-  if (!session_) return;
-  last_result_ = session_->stop();
-  session_.reset();
+  if (const std::unique_ptr<LiveSession> session = std::move(session_)) last_result_ = session->stop();
 }
 
 }  // namespace parallax

@@ -35,34 +35,19 @@ std::vector<float> collect(const RunResult& result, Get get) {
   return out;
 }
 
-struct Counts {
-  int tracked = 0, good = 0, poor = 0, lost = 0, relocalised = 0, losses = 0, before_map = 0;
-};
-
-Counts count(const RunResult& result) {
-  Counts c;
-  bool was_lost = false;
-  for (const TrackingResult& r : result.frames) {
-    if (on_map(r)) {
-      ++c.tracked;
-      (r.quality == TrackingQuality::good ? c.good : c.poor)++;
-      if (r.relocalised) ++c.relocalised;
-      was_lost = false;
-    } else if (r.state == TrackingState::lost || r.state == TrackingState::tracking) {
-      ++c.lost;
-      if (!was_lost) ++c.losses;
-      was_lost = true;
-    } else {
-      ++c.before_map;
-    }
-  }
-  return c;
-}
-
 }  // namespace
 
 Trajectory tracked_trajectory(const RunResult& result) {
   Trajectory out;
+  if (static_cast<int>(result.frames.size()) < result.frames_delivered) {
+    for (const TrackedPose& p : result.poses) {
+      const TrackedWorld& world = result.worlds[static_cast<std::size_t>(p.world)];
+      if (world.map_version != result.map_version) continue;
+      const SimilarityTransform now_from_then = result.world_from_first * world.world_from_first.inverse();
+      out.push_back({p.time, now_from_then.rebase({p.rotation, p.translation}).inverse()});
+    }
+    return out;
+  }
   for (const TrackingResult& r : result.frames) {
     if (!r.camera_from_world || r.map_version != result.map_version) continue;
     const SimilarityTransform now_from_then = result.world_from_first * r.world_from_first.inverse();
@@ -112,7 +97,7 @@ void write_timing_csv(const RunResult& result, const std::string& path) {
 }
 
 void write_report_json(const RunResult& result, const ReportContext& context, const std::string& path) {
-  const Counts c = count(result);
+  const FrameCounts& c = result.counts;
   nlohmann::json report;
   report["program"] = {{"name", "parallax"}, {"version", context.version}};
   report["source"] = {{"name", context.source},
@@ -177,7 +162,7 @@ void write_report_json(const RunResult& result, const ReportContext& context, co
   write_file_atomically(path, [&](std::ostream& out) { out << report.dump(2) << '\n'; });
 }
 
-bool tracked_anything(const RunResult& result) { return count(result).tracked > 0; }
+bool tracked_anything(const RunResult& result) { return result.counts.tracked > 0; }
 
 std::string why_not_started(const RunResult& result) {
   if (result.frames_read == 0) return "no frame could be read";
@@ -187,7 +172,7 @@ std::string why_not_started(const RunResult& result) {
 }
 
 std::string summary_text(const RunResult& result) {
-  const Counts c = count(result);
+  const FrameCounts& c = result.counts;
   const Percentiles total = percentiles(collect(result, [](const auto& r) { return r.times.total; }));
   std::ostringstream out;
   out << "frames " << result.frames_read << ", tracked " << c.tracked << " ("

@@ -29,10 +29,30 @@ struct RunOptions {
   bool manual_initialisation = false;
   // RunResult::frames: all, or the newest so many at least (a session without an end).
   std::size_t kept_frames = std::numeric_limits<std::size_t>::max();
+  bool keep_trajectory = true;  // RunResult::poses when kept_frames is bounded: 8 MB an hour
   TrackerOptions tracker;
   MapperOptions mapper;
 
   bool automatic_initialisation() const { return !key_presses && !manual_initialisation; }
+};
+
+// What became of the frames that the tracker got, kept or not.
+struct FrameCounts {
+  int tracked = 0, good = 0, poor = 0, lost = 0, relocalised = 0, losses = 0, before_map = 0;
+  bool lost_now = false;  // as of the last frame
+  void add(const TrackingResult& result);
+};
+
+// A tracked frame, for the trajectory of a session whose frames are not all kept.
+struct TrackedPose {
+  Timestamp time{0};
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  // camera_from_world
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+  int world = 0;  // row of RunResult::worlds
+};
+struct TrackedWorld {
+  std::uint64_t map_version = 0;
+  SimilarityTransform world_from_first;
 };
 
 struct RunResult {
@@ -42,6 +62,9 @@ struct RunResult {
   int frames_dropped = 0;    // realtime: the tracker was not ready for them
   int frames_delivered = 0;  // to the tracker, kept or not
   int frames_tracked = 0;    // of those, with a pose
+  FrameCounts counts;
+  std::vector<TrackedPose> poses;  // every tracked frame, when RunOptions::kept_frames may leave some out
+  std::vector<TrackedWorld> worlds;
   double wall_seconds = 0;
   MapperStatistics mapper;
   Map map;  // as it was at the end

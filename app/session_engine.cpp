@@ -34,7 +34,35 @@ std::unique_ptr<MapperSchedule> mapper_schedule(MapperInbox* inbox, SessionRecor
   return std::make_unique<LiveMapperSchedule>(inbox);
 }
 
+bool same_world(const TrackedWorld& world, const TrackingResult& result) {
+  return world.map_version == result.map_version && world.world_from_first.s == result.world_from_first.s &&
+         world.world_from_first.t == result.world_from_first.t && world.world_from_first.R == result.world_from_first.R;
+}
+
+void keep_pose(const TrackingResult& result, RunResult* out) {
+  if (!result.camera_from_world) return;
+  if (out->worlds.empty() || !same_world(out->worlds.back(), result))
+    out->worlds.push_back({result.map_version, result.world_from_first});
+  out->poses.push_back({result.time, result.camera_from_world->quaternion(), result.camera_from_world->t,
+                        static_cast<int>(out->worlds.size()) - 1});
+}
+
 }  // namespace
+
+void FrameCounts::add(const TrackingResult& result) {
+  if (result.camera_from_world) {
+    ++tracked;
+    ++(result.quality == TrackingQuality::good ? good : poor);
+    if (result.relocalised) ++relocalised;
+    lost_now = false;
+  } else if (result.state == TrackingState::lost || result.state == TrackingState::tracking) {
+    ++lost;
+    if (!lost_now) ++losses;
+    lost_now = true;
+  } else {
+    ++before_map;
+  }
+}
 
 void check_size(const Frame& frame, const CameraModel& camera, const FrameSource& source) {
   if (frame.grey.cols == camera.width() && frame.grey.rows == camera.height()) return;
@@ -50,7 +78,9 @@ void keep_result(TrackingResult result, const RunOptions& options, RunResult* ou
   result.trails.shrink_to_fit();
   ++out->frames_delivered;
   if (result.camera_from_world) ++out->frames_tracked;
+  out->counts.add(result);
   if (options.kept_frames < std::numeric_limits<std::size_t>::max()) {
+    if (options.keep_trajectory) keep_pose(result, out);
     append_bounded(std::move(result), options.kept_frames, &out->frames);
   } else {
     out->frames.push_back(std::move(result));

@@ -61,9 +61,8 @@ std::vector<TargetCorner> detect_charuco(const GreyImage& image, const Calibrati
       }
       if (!guess.allFinite() || !(side > 4)) continue;
       cv::Point2f refined(static_cast<float>(guess.x()), static_cast<float>(guess.y()));
-      // The markers begin an eighth of a square from the corner along the diagonal: edges of the squares rule within
-      // a third of the side.
-      if (!refine_corner(image, std::clamp(static_cast<int>(0.3 * side), 2, 7), &refined)) continue;
+      // The markers begin an eighth of a side from the edges: the window stays clear of them.
+      if (!refine_corner(image, std::clamp(static_cast<int>(0.12 * side), 2, 7), &refined)) continue;
       const Eigen::Vector2d px(refined.x, refined.y);
       if ((px - guess).norm() > 0.2 * side) continue;
       corners.push_back({row * target.columns + column, px});

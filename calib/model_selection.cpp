@@ -26,6 +26,9 @@ CalibrationOptions options_of(const CalibrationRequest& request, LensModel model
 // Errors that differ by less are equal for any use.
 constexpr double equal_share = 0.01;
 
+constexpr double largest_log_ratio = 1.6;  // ln 5
+constexpr double smallest_error_px = 1e-4, largest_error_px = 1e4;
+
 struct Split {
   CalibrationData fit, held;
 };
@@ -100,6 +103,7 @@ std::vector<ModelScore> score_models(const CalibrationData& data, const Calibrat
     score.error_px = score.ok ? median(errors.back()) : 0;
     if (score.ok && !std::isfinite(score.error_px)) {
       score.ok = false;
+      score.error_px = 0;
       score.reason = "half of the views are outside what the lens can show";
     }
     scores.push_back(score);
@@ -109,27 +113,26 @@ std::vector<ModelScore> score_models(const CalibrationData& data, const Calibrat
     if (scores[i].ok && (best == scores.size() || scores[i].error_px < scores[best].error_px)) best = i;
   for (std::size_t i = 0; best < scores.size() && i < scores.size(); ++i) {
     if (!scores[i].ok) continue;
-    // View by view against the best; views that one of the two got wholly wrong (a bad detection) are cut to ten times
-    // the best one's median.
-    const double limit = 10 * scores[best].error_px;
+    // View by view against the best one, as logarithms of the ratio; a view that one lens got wholly wrong counts as
+    // five times as bad and no more.
     double sum = 0, sum2 = 0;
     const auto n = static_cast<double>(errors[i].size());
     for (std::size_t v = 0; v < errors[i].size(); ++v) {
-      const double d = std::min(errors[i][v], limit) - std::min(errors[best][v], limit);
-      sum += d;
-      sum2 += d * d;
+      const double a = std::min(errors[i][v], largest_error_px), b = std::min(errors[best][v], largest_error_px);
+      const double ratio = std::clamp(std::log(std::max(a, smallest_error_px) / std::max(b, smallest_error_px)),
+                                      -largest_log_ratio, largest_log_ratio);
+      sum += ratio;
+      sum2 += ratio * ratio;
     }
-    scores[i].excess_px = sum / n;
-    scores[i].excess_error_px = std::sqrt(std::max(sum2 / n - sum * sum / (n * n), 0.0) / std::max(n - 1, 1.0));
+    scores[i].excess = sum / n;
+    scores[i].excess_error = std::sqrt(std::max(sum2 / n - sum * sum / (n * n), 0.0) / std::max(n - 1, 1.0));
   }
   return scores;
 }
 
 LensModel choose_model(const std::vector<ModelScore>& scores) {
   for (const auto& score : scores)  // simplest first
-    if (score.ok &&
-        score.excess_px <= std::max(2 * score.excess_error_px, equal_share * (score.error_px - score.excess_px)))
-      return score.model;
+    if (score.ok && score.excess <= std::max(2 * score.excess_error, equal_share)) return score.model;
   return LensModel::radtan4;
 }
 

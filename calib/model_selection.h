@@ -23,10 +23,10 @@ struct CalibrationRequest {
 struct ModelScore {
   LensModel model = LensModel::fov;
   bool ok = false;
-  std::string reason;    // when not
-  double error_px = 0;   // median over the views of their rms error, each by a lens fitted without it
-  double excess_px = 0;  // mean difference to the best model over the views, and its standard error
-  double excess_error_px = 0;
+  std::string reason;   // when not
+  double error_px = 0;  // median over the views of their rms error, each by a lens fitted without it
+  double excess = 0;    // mean logarithm of its error by the best model's over the views, and its standard error
+  double excess_error = 0;
 };
 
 struct CalibrationOutcome {

@@ -21,7 +21,7 @@ std::vector<Quad> dark_quads(const GreyImage& image, int block) {
   cv::Mat1b black;
   cv::adaptiveThreshold(image, black, 255, cv::ADAPTIVE_THRESH_MEAN_C, cv::THRESH_BINARY_INV, block, 10);
   std::vector<std::vector<cv::Point>> contours;
-  cv::findContours(black, contours, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
+  cv::findContours(black, contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
   std::vector<Quad> quads;
   for (const auto& contour : contours) {
     const double area = cv::contourArea(contour), perimeter = cv::arcLength(contour, true);

@@ -28,6 +28,13 @@ double parse_number(const std::string& text) {
   return text.empty() || end != text.c_str() + text.size() ? NAN : value;
 }
 
+// For messages of one line.
+std::string printable(std::string text) {
+  for (char& c : text)
+    if (c < ' ' || c > '~') c = '?';
+  return text;
+}
+
 double median_rate(const std::vector<RecordingContents::FrameAt>& frames, double fallback) {
   std::vector<double> intervals;
   for (std::size_t i = 1; i < frames.size(); ++i) intervals.push_back(to_seconds(frames[i].time - frames[i - 1].time));
@@ -61,7 +68,7 @@ CameraModel parse_exact_camera(const std::string& text, const std::string& name)
   const auto kind =
       std::find_if(kKinds.begin(), kKinds.end(), [&](CameraModelKind known) { return kind_name == to_string(known); });
   if (!sized || kind == kKinds.end() || values.size() < 4 || values.size() > 12) {
-    throw InputError(name + ": calibration: found '" + text.substr(0, 40) + "', expected a camera model");
+    throw InputError(name + ": calibration: found '" + printable(text.substr(0, 40)) + "', expected a camera model");
   }
   std::array<double, 8> distortion{};
   std::copy(values.begin() + 4, values.end(), distortion.begin());

@@ -12,9 +12,11 @@ namespace {
 constexpr double kPlaneExtent = 2.0;
 constexpr double kDefaultExtent_m = 0.2;
 // A map of so many keyframes knows its points to a few parts in a thousand of their distance.
-constexpr int kMatureKeyframes = 4;
-constexpr double kMatureThreshold = 0.5;  // of the consensus threshold
-constexpr double kMatureInliers = 0.15;   // of the points, on a plane told apart from its neighbours
+constexpr int kMatureKeyframes = 6;
+constexpr double kMatureThreshold = 0.25;  // of the consensus threshold
+constexpr double kMatureInliers = 0.1;     // of the points, on a plane told apart from its neighbours
+// A narrow band is met by fewer of the triples.
+constexpr int kMatureHypotheses = 5;
 // Points around a seed: the nearest so many, no further than this part of the distance they are seen from.
 constexpr std::size_t kSeedPoints = 80;
 constexpr std::size_t kLeastSeedPoints = 12;
@@ -87,6 +89,7 @@ PlaneOptions plane_options_of(const Map& map, const MapperOptions& options) {
   if (!is_mature(map)) return out;
   out.threshold_over_depth *= kMatureThreshold;
   out.min_inlier_fraction = std::min(out.min_inlier_fraction, kMatureInliers);
+  out.hypotheses *= kMatureHypotheses;
   out.close_fit = true;
   return out;
 }

@@ -20,7 +20,7 @@ constexpr int kAssociationBatch = 200;
 // Adjustments in a row that may each find new outliers or measurements before the mapper rests.
 constexpr int kMaxGlobalRounds = 4;
 // Keyframes at which the dominant plane is fitted again, doubling from the first to the last.
-constexpr int kFirstPlaneRefinement = 4, kLastPlaneRefinement = 16;
+constexpr int kFirstPlaneRefinement = 6, kLastPlaneRefinement = 24;
 // One change of scale.
 constexpr double kMinScale = 1e-3, kMaxScale = 1e3;
 // Times kept for the report.

@@ -27,11 +27,11 @@ double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 
 }  // namespace
 
-StrokeMaker::StrokeMaker(const GlLens& lens, int viewport_width, int viewport_height)
+StrokeMaker::StrokeMaker(const GlLens& lens, cv::Size image, cv::Size viewport)
     : lens_(lens),
-      scale_(static_cast<float>(viewport_width) / static_cast<float>(std::max(1, lens.camera().width())),
-             static_cast<float>(viewport_height) / static_cast<float>(std::max(1, lens.camera().height()))),
-      size_(static_cast<float>(viewport_width), static_cast<float>(viewport_height)) {}
+      scale_(static_cast<float>(viewport.width) / static_cast<float>(image.width),
+             static_cast<float>(viewport.height) / static_cast<float>(image.height)),
+      size_(static_cast<float>(viewport.width), static_cast<float>(viewport.height)) {}
 
 Eigen::Vector2f StrokeMaker::to_viewport(const Eigen::Vector2d& px) const {
   return ((px.cast<float>().array() + 0.5f) * scale_.array()).matrix();

@@ -26,7 +26,8 @@ struct Strokes {
 // Makes strokes for one lens and one size of viewport.
 class StrokeMaker {
  public:
-  StrokeMaker(const GlLens& lens, int viewport_width, int viewport_height);
+  // `image`: the size in pixels that screen positions count in, the camera's.
+  StrokeMaker(const GlLens& lens, cv::Size image, cv::Size viewport);
 
   void world_line(const RigidTransform& camera_from_world, const WorldLine& line, Strokes* out) const;
   void world_point(const RigidTransform& camera_from_world, const WorldPoint& point, Strokes* out) const;

@@ -59,9 +59,17 @@ class KeptFramebuffers {
   GLint draw_ = 0, read_ = 0;
 };
 
+// Without a camera there is no world to be seen, and the screen's pixels are the background's.
+bool has_pose(const DrawList& list) { return list.camera_from_world && list.camera.width() > 0; }
+
+cv::Size image_size(const DrawList& list, const Viewport& viewport) {
+  if (list.camera.width() > 0) return {list.camera.width(), list.camera.height()};
+  return list.background.empty() ? cv::Size(viewport.width, viewport.height) : list.background.size();
+}
+
 bool has_content(const DrawList& list) {
-  const bool world = list.camera_from_world && !(list.grids.empty() && list.meshes.empty() &&
-                                                 list.world_lines.empty() && list.world_points.empty());
+  const bool world = has_pose(list) && !(list.grids.empty() && list.meshes.empty() && list.world_lines.empty() &&
+                                         list.world_points.empty());
   return world || !list.screen_lines.empty() || !list.screen_points.empty();
 }
 
@@ -135,7 +143,7 @@ void SceneRenderer::draw(const DrawList& list, const Viewport& viewport) {
     const KeptFramebuffers kept;
     const GlLens& lens = self.lens_of(list.camera);
     // Lines and points have smooth edges of their own; only meshes need several samples.
-    const bool with_meshes = list.camera_from_world && !list.meshes.empty();
+    const bool with_meshes = has_pose(list) && !list.meshes.empty();
     self.content.begin(viewport.width, viewport.height, with_meshes);
     self.draw_world(list, lens, viewport);
     self.content.end();
@@ -146,8 +154,9 @@ void SceneRenderer::draw(const DrawList& list, const Viewport& viewport) {
 }
 
 void SceneRenderer::Implementation::draw_world(const DrawList& list, const GlLens& the_lens, const Viewport& viewport) {
-  const StrokeMaker maker(the_lens, viewport.width, viewport.height);
-  if (list.camera_from_world) {
+  const cv::Size image = image_size(list, viewport);
+  const StrokeMaker maker(the_lens, image, {viewport.width, viewport.height});
+  if (has_pose(list)) {
     draw_shadows(list, the_lens);
     draw_meshes(list, the_lens);
     Strokes world;

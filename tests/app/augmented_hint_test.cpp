@@ -106,7 +106,13 @@ TEST(InitialisationHint, SaysWhatToDoInEveryState) {
   EXPECT_EQ(hint.kind, HintKind::refused);
   EXPECT_EQ(hint.text, "The camera only turned.");
   EXPECT_EQ(hint.gauge, 1);
+  EXPECT_EQ(initialisation_hint(camera, tracked, "The camera only turned.", options).kind, HintKind::ready)
+      << "tries that the program makes by itself are nobody's fault";
   EXPECT_EQ(initialisation_hint(camera, trails(camera, slide(0.01), 0.4, 0, 40), "").kind, HintKind::losing);
+
+  hint = initialisation_hint(camera, trails(camera, slide(0.1), 0.4, 0, 10), "");
+  EXPECT_EQ(hint.kind, HintKind::losing);
+  EXPECT_NE(hint.text.find("texture"), std::string::npos);
 
   tracked.state = TrackingState::initialising;
   EXPECT_EQ(initialisation_hint(camera, tracked, "").kind, HintKind::working);

@@ -11,6 +11,7 @@
 #include "app/model_catalogue.h"
 #include "core/check.h"
 #include "map/hit_test.h"
+#include "render/synthetic_path.h"
 #include "tests/app/view_scene.h"
 
 namespace parallax {
@@ -162,6 +163,39 @@ TEST_F(AugmentedView, TheAimLiesOnThePlaneUnderThePointer) {
   EXPECT_LT((middle / static_cast<float>(n) - Eigen::Vector3f(0.1F, 0.05F, 0)).norm(), 1e-3);
   settings_.crosshair = true;
   EXPECT_EQ(view().screen_lines.size(), 8U);
+}
+
+// PTAM Fig. 6: what is placed once is registered from 25 cm and from 2 m.
+TEST_F(AugmentedView, ALabelPlacedUnderThePointerStaysThereFromNearAndFar) {
+  const CameraModel& camera = scene_.camera();
+  const cv::Mat1f depth = scene_.depth(75);
+  map_.id.clear();
+  map_.position.clear();
+  int placed = 0;
+  for (int y = 130; y < 230; y += 20) {
+    for (int x = 60; x < 260; x += 20) {
+      // What the pixel truly shows; only the bare table is on the plane.
+      Vector3d ray;
+      ASSERT_TRUE(camera.unproject({1.0 * x, 1.0 * y}, &ray));
+      const Vector3d truth = tracked_.camera_from_world->inverse() * (static_cast<double>(depth(y, x)) * ray);
+      const auto hit = hit_test(camera, *tracked_.camera_from_world, {1.0 * x, 1.0 * y}, map_);
+      if (!hit || std::abs(truth.z()) > 1e-4) continue;
+      content_.clear();
+      content_.add_label("here", hit->position, hit->normal);
+      ++placed;
+      for (const double distance : {0.25, 2.0}) {
+        tracked_.camera_from_world = look_at(truth + distance * Vector3d(0.3, -0.6, 0.74), truth, 0.2).inverse();
+        const DrawList list = view();
+        ASSERT_EQ(list.world_points.size(), 1U);
+        Vector2d drawn, right;
+        ASSERT_TRUE(camera.project(*list.camera_from_world * list.world_points[0].position.cast<double>(), &drawn));
+        ASSERT_TRUE(camera.project(*tracked_.camera_from_world * truth, &right));
+        EXPECT_LT((drawn - right).norm(), 0.1) << x << ", " << y << " from " << distance << " m";
+      }
+      tracked_ = scene_.tracked(75);
+    }
+  }
+  EXPECT_GT(placed, 5);
 }
 
 TEST(ModelCatalogue, ModelsStandOnTheirOrigin) {

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <random>
 
+#include "app/run_outputs.h"
 #include "app/session_options.h"
 #include "core/error.h"
 #include "tests/app/recorded_session.h"
@@ -111,8 +112,10 @@ TEST(RealtimeRecorder, TheSessionGoesOnWhenTheDiskIsFull) {
   {
     auto recorder = std::make_unique<SessionRecorder>(folder.file("session.plx"), RecordingDescription());
     const SmallDisk small(3000000);
+    RunOptions options;
+    options.kept_frames = 20;
     live = run_live(
-        std::move(recorder), RunOptions(),
+        std::move(recorder), options,
         [&](LiveSession* session, const LiveFrame&) { stopped_recording |= !session->statistics().recording; },
         &failures);
   }
@@ -121,6 +124,17 @@ TEST(RealtimeRecorder, TheSessionGoesOnWhenTheDiskIsFull) {
   EXPECT_NE(failures[0].find("session.plx"), std::string::npos);
   EXPECT_GT(live.frames_tracked, 30) << "to the end";
   EXPECT_EQ(live.frames.back().frame, kept_desk().frames->back().index);
+  // Few of the frames are kept, every pose is.
+  EXPECT_LE(live.frames.size(), 40U);
+  EXPECT_GT(live.frames_delivered, 40);
+  EXPECT_EQ(live.counts.tracked, live.frames_tracked);
+  const Trajectory trajectory = tracked_trajectory(live);
+  ASSERT_EQ(static_cast<int>(trajectory.size()), live.frames_tracked);
+  const TrackingResult& last = live.frames.back();
+  ASSERT_TRUE(last.camera_from_world);
+  const SimilarityTransform now_from_then = live.world_from_first * last.world_from_first.inverse();
+  const RigidTransform expected = now_from_then.rebase(*last.camera_from_world).inverse();
+  EXPECT_LT((trajectory.back().world_from_camera.t - expected.t).norm(), 1e-9);
 }
 
 TEST(SessionRecorder, AFileThatCannotBeMadeIsSaid) {

@@ -38,6 +38,7 @@ class ViewScene {
 
   const CameraModel& camera() const { return source_->options().camera; }
   Frame frame(int index) { return source_->frame(index); }
+  cv::Mat1f depth(int index) { return source_->depth(index); }
   RigidTransform pose(int index) const { return source_->world_from_camera(index).inverse(); }
   TrackingSnapshot& map() { return *snapshot_; }
   std::shared_ptr<const TrackingSnapshot> shared_map() const { return snapshot_; }

@@ -36,7 +36,9 @@ TEST(Formats, ReadBackWhatTheyHold) {
       EXPECT_EQ(again.width(), 640);
       EXPECT_EQ(again.height(), 480);
       // A five-parameter form of four is the same lens.
-      if (format == CalibrationFormat::parallax) EXPECT_EQ(again, camera);
+      if (format == CalibrationFormat::parallax) {
+        EXPECT_EQ(again, camera);
+      }
     }
   }
   EXPECT_EQ(held, 6 + 4 + 5 + 5 + 4 + 1);

@@ -27,9 +27,9 @@ Bytes random_bytes(std::size_t size, unsigned seed) {
 
 int clamped(double value) { return static_cast<int>(std::lround(std::clamp(value, 0.0, 255.0))); }
 
-// BT.601 with the video range.
+// BT.601 with the video range; below 16 there is only black.
 cv::Vec3b bgr_of(int y, int u, int v) {
-  const double luma = 1.164383 * (y - 16);
+  const double luma = 1.164383 * std::max(0, y - 16);
   return {static_cast<uchar>(clamped(luma + 2.017232 * (u - 128))),
           static_cast<uchar>(clamped(luma - 0.391762 * (u - 128) - 0.812968 * (v - 128))),
           static_cast<uchar>(clamped(luma + 1.596027 * (v - 128)))};

@@ -223,8 +223,13 @@ TEST(RecordedCamera, IsExactForEveryModel) {
   }
   for (const char* text :
        {"", "pinhole", "pinhole 640 480 1 2 3", "square 640 480 1 2 3 4", "pinhole 640 480 1 2 3 x",
-        "pinhole 640 480 1 2 3 nan", "pinhole -1 480 1 2 3 4", "fov 640 480 1 2 3 4 5 6 7 8 9 9 9 9"}) {
-    EXPECT_THROW(parse_exact_camera(text, "file"), InputError) << text;
+        "pinhole 640 480 1 2 3 nan", "two\nlines", "pinhole -1 480 1 2 3 4", "fov 640 480 1 2 3 4 5 6 7 8 9 9 9 9"}) {
+    try {
+      (void)parse_exact_camera(text, "file");
+      ADD_FAILURE() << text;
+    } catch (const InputError& error) {
+      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+    }
   }
 }
 

@@ -15,6 +15,7 @@
 #include <condition_variable>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <map>
 #include <mutex>
 #include <opencv2/core.hpp>
@@ -61,12 +62,12 @@ void check_test_picture(const GreyImage& grey, double tolerance) {
   require(found <= tolerance, "differs from the test picture by " + std::to_string(found) + " grey levels");
 }
 
-// Eight bars from white to black: each is darker than the one before it, and nearly of one level.
+// Eight bars from white to black, below the text: each is darker than the one before it, and nearly of one level.
 void check_bars(const GreyImage& grey, bool colour_known, const cv::Mat3b& colour) {
   double last = 256;
   for (int bar = 0; bar < 8; ++bar) {
     const int centre = grey.cols * (2 * bar + 1) / 16;
-    const cv::Rect place(centre - 3, grey.rows * 3 / 4, 7, 9);
+    const cv::Rect place(centre - 3, grey.rows * 11 / 12, 7, 9);
     cv::Scalar mean, deviation;
     cv::meanStdDev(grey(place), mean, deviation);
     require(mean[0] < last - 5, "bar " + std::to_string(bar) + " is not darker than the one before: " +
@@ -136,11 +137,23 @@ class Reader {
     index_ = frame.index;
     time_ = frame.time;
     ++frames_;
-    if (request_.picture == "bars") {
-      check_bars(frame.grey, has_colour, frame.colour);
-    } else {
-      check_test_picture(frame.grey, request_.options.pixel_format == "MJPG" ? 3.0 : 0.0);
+    try {
+      if (request_.picture == "bars") {
+        check_bars(frame.grey, has_colour, frame.colour);
+      } else {
+        check_test_picture(frame.grey, request_.options.pixel_format == "MJPG" ? 3.0 : 0.0);
+      }
+    } catch (const std::exception&) {
+      keep(frame.grey);
+      throw;
     }
+  }
+
+  // The picture that was wrong, to look at.
+  static void keep(const GreyImage& grey) {
+    std::ofstream out("failed.pgm", std::ios::binary);
+    out << "P5 " << grey.cols << " " << grey.rows << " 255\n";
+    for (int y = 0; y < grey.rows; ++y) out.write(reinterpret_cast<const char*>(grey.ptr(y)), grey.cols);
   }
 
   Request request_;

@@ -82,10 +82,11 @@ class WindowTest : public ::testing::Test {
                                              "800x600x24", "-nolisten", "tcp"},
                     std::vector<std::string>{}, number[1]);
     close(number[1]);
+    // The number comes before its newline: with the pipe closed in between the server would end.
+    std::string text;
     pollfd ready{number[0], POLLIN, 0};
-    char text[16] = {};
-    if (poll(&ready, 1, 30'000) == 1 && read(number[0], text, sizeof text - 1) > 0)
-      display_ = ":" + std::to_string(std::atoi(text));
+    for (char c = 0; c != '\n' && poll(&ready, 1, 30'000) == 1 && read(number[0], &c, 1) == 1;) text += c;
+    if (text.size() > 1 && text.back() == '\n') display_ = ":" + text.substr(0, text.size() - 1);
     close(number[0]);
     ASSERT_FALSE(display_.empty()) << "Xvfb did not start";
     fs::create_directories(folder_.path() / "parallax");

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <utility>
 #include <vector>
 
 #include "map/identifiers.h"
@@ -55,6 +56,26 @@ TEST(IdTable, IterationSkipsHolesInOrder) {
   EXPECT_EQ(t.at({0, 4}).value, 104);
   for (int i : {1, 2, 4}) t.erase({0, i});
   EXPECT_TRUE(t.begin() == t.end());
+}
+
+TEST(IdTable, CopiesAreOnTheirOwnAndMovesLeaveNothing) {
+  Table t;
+  for (int i = 0; i < 4; ++i) t.insert({{}, i});
+  t.erase({0, 2});
+  Table copy = t;
+  copy.at({0, 1}).value = 77;
+  copy.erase({0, 0});
+  EXPECT_EQ(t.at({0, 1}).value, 1);
+  EXPECT_TRUE(t.contains({0, 0}));
+  EXPECT_FALSE(copy.contains({0, 2}));
+  EXPECT_EQ(copy.insert({{}, 5}).index, 4) << "the hole is kept";
+  t = copy;
+  EXPECT_EQ(t.size(), 3);
+  EXPECT_EQ(t.at({0, 1}).value, 77);
+  const Table moved = std::move(t);
+  EXPECT_EQ(moved.size(), 3);
+  EXPECT_TRUE(t.empty());  // NOLINT: what a moved-from table is, is said
+  EXPECT_EQ(t.capacity(), 0);
 }
 
 TEST(IdTable, UnknownIdentifiersAreSaidSo) {

@@ -200,6 +200,59 @@ TEST_F(MapperTest, AResetIsAnsweredWhenTheMapIsEmpty) {
   EXPECT_TRUE(map_.snapshot()->empty());
 }
 
+TEST_F(MapperTest, AScaleMovesTheWorldAndSaysSo) {
+  const auto before = map_.snapshot();
+  for (const double factor : {0.0, -1.0, NAN, 1e9}) {
+    ScaleRequest refused;
+    refused.factor = factor;
+    auto reply = refused.reply.get_future();
+    push(std::move(refused));
+    settle();
+    EXPECT_FALSE(reply.get().ok) << factor;
+  }
+  EXPECT_EQ(map_.snapshot()->world_version, before->world_version);
+  const KeyframeProposal on_the_way = proposal(3);  // tracked in the old world
+  ScaleRequest scale;
+  scale.factor = 2.5;
+  auto reply = scale.reply.get_future();
+  push(std::move(scale));
+  settle();
+  EXPECT_TRUE(reply.get().ok);
+  const auto after = map_.snapshot();
+  EXPECT_EQ(after->world_version, before->world_version + 1);
+  EXPECT_EQ(after->map_version, before->map_version);
+  EXPECT_EQ(after->world_from_first.s, 2.5);
+  ASSERT_EQ(after->size(), before->size());
+  for (int i = 0; i < after->size(); ++i) {
+    const auto row = static_cast<std::size_t>(i);
+    EXPECT_LT((after->position[row] - 2.5 * before->position[row]).norm(), 1e-9);
+  }
+  push(on_the_way);
+  settle();
+  const auto grown = map_.snapshot();
+  ASSERT_EQ(grown->keyframes.size(), 3U) << "taken into the new world";
+  const Eigen::Vector3d expected = 2.5 * on_the_way.camera_from_world.inverse().t;
+  EXPECT_LT((grown->keyframes.back().centre - expected).norm(), 0.02);
+}
+
+TEST_F(MapperTest, PlanesAreFoundOnRequest) {
+  PlaneRequest again;
+  auto reply = again.reply.get_future();
+  push(std::move(again));
+  settle();
+  EXPECT_TRUE(reply.get().ok);
+  ASSERT_TRUE(map_.snapshot()->plane);
+  EXPECT_EQ(map_.snapshot()->planes.size(), 1U);
+  PlaneRequest nowhere;
+  nowhere.seed = Eigen::Vector3d(50, 50, 50);
+  reply = nowhere.reply.get_future();
+  push(std::move(nowhere));
+  settle();
+  const MapEditReply refused = reply.get();
+  EXPECT_FALSE(refused.ok);
+  EXPECT_FALSE(refused.reason.empty());
+}
+
 TEST_F(MapperTest, CountsOfAnotherMapAreIgnored) {
   const PointId never_found = map_.snapshot()->id[3];
   PointCounts counts;

@@ -1,7 +1,6 @@
 // The real window, on a display of its own (Xvfb).
 #include "render/window.h"
 
-#include <GLFW/glfw3.h>
 #include <gtest/gtest.h>
 #include <imgui.h>
 #include <poll.h>
@@ -50,10 +49,11 @@ class VirtualDisplay {
       _exit(127);
     }
     close(number[1]);
+    // It writes the number and then, by itself, the end of the line: it must not find the pipe closed.
+    std::string text;
     pollfd ready{number[0], POLLIN, 0};
-    char text[16] = "";
-    if (poll(&ready, 1, 20000) == 1 && read(number[0], text, sizeof(text) - 1) > 0)
-      name_ = ":" + std::to_string(std::atoi(text));
+    for (char c = 0; poll(&ready, 1, 20000) == 1 && read(number[0], &c, 1) == 1 && c != '\n';) text += c;
+    if (!text.empty()) name_ = ":" + text;
     close(number[0]);
   }
   ~VirtualDisplay() {
