@@ -10,8 +10,8 @@ namespace parallax {
 
 namespace {
 
-// Of a session without an end, the results of the newest half hour are kept.
-constexpr std::size_t kKeptFrames = 54'000;
+// Of a session without an end, the results of the newest hundred seconds are kept.
+constexpr std::size_t kKeptFrames = 3'000;
 constexpr const char* kSyntheticDesk = "synthetic:desk";
 
 }  // namespace

@@ -21,8 +21,8 @@ namespace parallax {
 
 namespace {
 
-// Results of frames are kept for the files that are asked for; of a run without an end, the newest half hour.
-constexpr std::size_t kKeptFrames = 54'000;
+// Results of frames are kept for the files that are asked for; of a run without an end, the newest hundred seconds.
+constexpr std::size_t kKeptFrames = 3'000;
 constexpr std::chrono::milliseconds kPatience{200};
 
 LiveSource open_source_for(const LiveOptions& options, const UserSettings& settings) {

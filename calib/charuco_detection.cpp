@@ -61,8 +61,10 @@ std::vector<TargetCorner> detect_charuco(const GreyImage& image, const Calibrati
       }
       if (!guess.allFinite() || !(side > 4)) continue;
       cv::Point2f refined(static_cast<float>(guess.x()), static_cast<float>(guess.y()));
-      // The markers begin an eighth of a side from the edges: the window stays clear of them.
-      if (!refine_corner(image, std::clamp(static_cast<int>(0.12 * side), 2, 7), &refined)) continue;
+      // First in a window that surely holds the corner, then in one that stays clear of the markers, which begin an
+      // eighth of a side from the edges.
+      if (!refine_corner(image, std::clamp(static_cast<int>(0.3 * side), 2, 7), &refined)) continue;
+      if (!refine_corner(image, std::clamp(static_cast<int>(0.14 * side), 2, 7), &refined)) continue;
       const Eigen::Vector2d px(refined.x, refined.y);
       if ((px - guess).norm() > 0.2 * side) continue;
       corners.push_back({row * target.columns + column, px});

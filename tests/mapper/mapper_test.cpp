@@ -202,7 +202,7 @@ TEST_F(MapperTest, AResetIsAnsweredWhenTheMapIsEmpty) {
 
 TEST_F(MapperTest, AScaleMovesTheWorldAndSaysSo) {
   const auto before = map_.snapshot();
-  for (const double factor : {0.0, -1.0, NAN, 1e9}) {
+  for (const double factor : {0.0, -1.0, std::nan(""), 1e9}) {
     ScaleRequest refused;
     refused.factor = factor;
     auto reply = refused.reply.get_future();
