@@ -10,8 +10,6 @@ namespace parallax {
 
 namespace {
 
-// Of a session without an end, the results of the newest hundred seconds are kept.
-constexpr std::size_t kKeptFrames = 3'000;
 constexpr const char* kSyntheticDesk = "synthetic:desk";
 
 }  // namespace
@@ -66,7 +64,7 @@ std::unique_ptr<SessionRecorder> open_recorder(const std::string& path, const Li
 LiveEngine::LiveEngine(const LiveOptions& options, const UserSettings& settings, const ProgramState& state)
     : options_(options), settings_(settings), state_(state) {
   run_options_.manual_initialisation = options.init != "auto";
-  run_options_.kept_frames = kKeptFrames;
+  run_options_.kept_frames = kLiveKeptFrames;
   apply_settings(options.settings, &run_options_);
 }
 

@@ -21,8 +21,6 @@ namespace parallax {
 
 namespace {
 
-// Results of frames are kept for the files that are asked for; of a run without an end, the newest hundred seconds.
-constexpr std::size_t kKeptFrames = 3'000;
 constexpr std::chrono::milliseconds kPatience{200};
 
 LiveSource open_source_for(const LiveOptions& options, const UserSettings& settings) {
@@ -74,7 +72,7 @@ int run_live_headless(const LiveOptions& options) {
   const UserSettings settings = read_user_settings(settings_path());
   RunOptions run_options;
   run_options.manual_initialisation = options.init == "manual";
-  run_options.kept_frames = kKeptFrames;
+  run_options.kept_frames = kLiveKeptFrames;
   apply_settings(options.settings, &run_options);
   LiveSource source = open_source_for(options, settings);
   const CameraModel lens = lens_for(source);

@@ -1,11 +1,15 @@
 // What was asked for on the command line of `parallax live`.
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <string>
 #include <vector>
 
 namespace parallax {
+
+// Of a live session, which may never end, the results of so many of the newest frames are kept (100 s).
+inline constexpr std::size_t kLiveKeptFrames = 3'000;
 
 struct LiveOptions {
   std::string camera;       // SOURCE; empty: the settings' one, the last one, the first found, the synthetic desk

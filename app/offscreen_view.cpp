@@ -3,7 +3,7 @@
 namespace parallax {
 namespace {
 
-constexpr int kLostPicture = 1;  // the renderer's key of the keyframe that is shown when lost
+constexpr int kNearestKeyframe = 1;  // the renderer's key of the keyframe that is shown when lost
 
 }  // namespace
 
@@ -41,7 +41,7 @@ cv::Mat3b OffscreenView::draw(const Frame& frame, const TrackingResult& tracked,
     const SnapshotKeyframe* keyframe = pose ? nearest_keyframe(*map, *pose) : nullptr;
     const GreyImage picture = keyframe != nullptr ? keyframe_picture(*keyframe) : GreyImage();
     if (!picture.empty()) {
-      view.lost_picture = renderer_.picture(kLostPicture, picture);
+      view.lost_picture = renderer_.picture(kNearestKeyframe, picture);
       view.lost_picture_aspect = static_cast<float>(picture.cols) / static_cast<float>(picture.rows);
     }
   }
