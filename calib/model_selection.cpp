@@ -25,8 +25,12 @@ CalibrationOptions options_of(const CalibrationRequest& request, LensModel model
 
 // Errors that differ by less are equal for any use.
 constexpr double equal_share = 0.01;
+// A simpler lens may not be worse than this in the median view, however much the views disagree.
+constexpr double tolerable_ratio = 1.5;
 
-constexpr double largest_log_ratio = 1.6;  // ln 5
+// Of normally distributed values: the standard deviation over the median absolute deviation, and the standard error of
+// the median over that of the mean.
+constexpr double deviation_per_mad = 1.4826, median_error = 1.2533;
 constexpr double smallest_error_px = 1e-4, largest_error_px = 1e4;
 
 struct Split {
@@ -113,26 +117,30 @@ std::vector<ModelScore> score_models(const CalibrationData& data, const Calibrat
     if (scores[i].ok && (best == scores.size() || scores[i].error_px < scores[best].error_px)) best = i;
   for (std::size_t i = 0; best < scores.size() && i < scores.size(); ++i) {
     if (!scores[i].ok) continue;
-    // View by view against the best one, as logarithms of the ratio; a view that one lens got wholly wrong counts as
-    // five times as bad and no more.
-    double sum = 0, sum2 = 0;
-    const auto n = static_cast<double>(errors[i].size());
+    // View by view against the best one, as logarithms of the ratio. The median: in a fold without the views that
+    // reach a corner of the image a flexible lens may get one of them wholly wrong, which says nothing of the others.
+    std::vector<double> ratios;
     for (std::size_t v = 0; v < errors[i].size(); ++v) {
       const double a = std::min(errors[i][v], largest_error_px), b = std::min(errors[best][v], largest_error_px);
-      const double ratio = std::clamp(std::log(std::max(a, smallest_error_px) / std::max(b, smallest_error_px)),
-                                      -largest_log_ratio, largest_log_ratio);
-      sum += ratio;
-      sum2 += ratio * ratio;
+      ratios.push_back(std::log(std::max(a, smallest_error_px) / std::max(b, smallest_error_px)));
     }
-    scores[i].excess = sum / n;
-    scores[i].excess_error = std::sqrt(std::max(sum2 / n - sum * sum / (n * n), 0.0) / std::max(n - 1, 1.0));
+    scores[i].excess = median(ratios);
+    for (double& ratio : ratios) ratio = std::abs(ratio - scores[i].excess);
+    scores[i].excess_error =
+        median_error * deviation_per_mad * median(ratios) / std::sqrt(static_cast<double>(ratios.size()));
   }
   return scores;
 }
 
 LensModel choose_model(const std::vector<ModelScore>& scores) {
-  for (const auto& score : scores)  // simplest first
-    if (score.ok && score.excess <= std::max(2 * score.excess_error, equal_share)) return score.model;
+  double best_px = std::numeric_limits<double>::infinity();
+  for (const auto& score : scores)
+    if (score.ok) best_px = std::min(best_px, score.error_px);
+  for (const auto& score : scores) {  // simplest first
+    if (score.ok && score.excess <= std::max(score.excess_error, equal_share) &&
+        score.error_px <= tolerable_ratio * best_px)
+      return score.model;
+  }
   return LensModel::radtan4;
 }
 

@@ -25,7 +25,7 @@ struct ModelScore {
   bool ok = false;
   std::string reason;   // when not
   double error_px = 0;  // median over the views of their rms error, each by a lens fitted without it
-  double excess = 0;    // mean logarithm of its error by the best model's over the views, and its standard error
+  double excess = 0;    // median logarithm of its error by the best model's over the views, and its standard error
   double excess_error = 0;
 };
 
