@@ -28,6 +28,7 @@ namespace parallax {
 namespace {
 
 constexpr std::chrono::milliseconds kLookAgain{500};
+constexpr int kLooksBeforeAnew = 4;
 constexpr Timestamp kSilence = std::chrono::seconds(10);
 constexpr Timestamp kSettle = std::chrono::seconds(1);
 constexpr std::size_t kMaxWarnings = 100;
@@ -93,13 +94,15 @@ class LibcameraCamera final : public LiveCamera {
   void begin(std::shared_ptr<LibcameraConnection> connection);
   void disconnect(const std::string& text);
   void look_for_camera();
+  void start_manager_anew();
   std::optional<Frame> decode(LibcameraConnection& connection, libcamera::Request* request);
   void warn(int frame, const std::string& text) {
     log::debug(text);
     if (warnings_.size() < kMaxWarnings) warnings_.push_back({frame, text});
   }
 
-  const std::shared_ptr<libcamera::CameraManager> manager_;
+  std::shared_ptr<libcamera::CameraManager> manager_;  // of the thread that reads; null only after stop()
+  int looks_in_vain_ = 0;                              // of the thread that reads: since the camera was there
   const std::string name_;
   LiveCameraOptions options_;  // width and height: what the first camera gave
   int width_ = 0, height_ = 0;
@@ -156,6 +159,21 @@ void LibcameraCamera::disconnect(const std::string& text) {
   status_.measured_fps = 0;
 }
 
+void LibcameraCamera::start_manager_anew() {
+  manager_ = nullptr;  // there is one at a time; another thread that still holds it keeps it
+  while (!manager_) {
+    try {
+      manager_ = libcamera_manager();
+    } catch (const InputError& error) {
+      log::debug(error.what());
+      MutexLock lock(signal_->mutex);
+      signal_->condition.wait_for(signal_->mutex, kLookAgain,
+                                  [this]() PARALLAX_REQUIRES(signal_->mutex) { return signal_->stopped; });
+      if (signal_->stopped) return;
+    }
+  }
+}
+
 void LibcameraCamera::look_for_camera() {
   {
     MutexLock lock(signal_->mutex);
@@ -164,7 +182,13 @@ void LibcameraCamera::look_for_camera() {
     if (signal_->stopped) return;
   }
   auto camera = find(source_);
-  if (!camera) return;
+  if (!camera) {
+    // It may have missed that a camera came back (a device that appears while another part of it is still being made):
+    // one that is started anew looks at everything there is.
+    if (++looks_in_vain_ % kLooksBeforeAnew == 0) start_manager_anew();
+    return;
+  }
+  looks_in_vain_ = 0;
   std::string problem;
   try {
     auto connection = std::make_shared<LibcameraConnection>(manager_, std::move(camera), options_, signal_);
