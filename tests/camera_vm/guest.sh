@@ -45,6 +45,27 @@ pull_out() {
   done
 }
 
+# check_replug NAME ARGUMENTS...: a camera that goes after 8 frames and is back 2 s later. The emulated bus is at times so slow that
+# the kernel itself gives the new device up, so there is a second try.
+check_replug() {
+  local name=$1 try
+  shift
+  echo "-- $(seconds) s: $name"
+  for try in first second; do
+    plug_in 320 240 10 - 8 2000
+    if timeout 30 $capture replug "$@"; then
+      passed=$((passed + 1))
+      pull_out
+      return
+    fi
+    echo "the $try try failed ($?)"
+    dmesg | tail -n 5
+    pull_out
+  done
+  echo "FAILED: $name"
+  failed=$((failed + 1))
+}
+
 echo "-- $(seconds) s: kernel $kernel"
 /lib/systemd/systemd-udevd --daemon
 
@@ -76,9 +97,7 @@ check "USB camera is listed as JSON" bash -c '/vm/parallax cameras --json | grep
 pull_out
 for source in v4l2: libcamera:; do
   for format in YUYV MJPG; do
-    plug_in 320 240 10 - 8 2000
-    check "USB camera pulled out and plugged in again, $source $format" $capture replug $source 320 240 10 $format test 5
-    pull_out
+    check_replug "USB camera pulled out and plugged in again, $source $format" $source 320 240 10 $format test 5
   done
 done
 
