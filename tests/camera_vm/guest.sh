@@ -45,8 +45,8 @@ pull_out() {
   done
 }
 
-# check_replug NAME ARGUMENTS...: a camera that goes after 8 frames and is back 2 s later. The emulated bus is at times so slow that
-# the kernel itself gives the new device up, so there is a second try.
+# check_replug NAME ARGUMENTS...: a camera that goes after 8 frames and is back 2 s later. Once, on a loaded machine, it was not seen again
+# through libcamera; the cause is not known. There is a second try, and the first one's failure is printed.
 check_replug() {
   local name=$1 try
   shift
