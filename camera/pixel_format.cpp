@@ -106,12 +106,6 @@ std::string decode_rgb(const RawPicture& picture, std::size_t stride, GreyImage*
 
 using Decompressor = std::unique_ptr<void, decltype(&tjDestroy)>;
 
-// One a thread: making one costs more than a small picture.
-tjhandle decompressor() {
-  thread_local const Decompressor handle(tjInitDecompress(), &tjDestroy);
-  return handle.get();
-}
-
 // What the decoder says about stray bytes before the end mark (0xd9): the picture is whole.
 bool is_harmless(tjhandle handle) {
   const std::string text = tjGetErrorStr2(handle);
@@ -122,7 +116,10 @@ std::string damaged(tjhandle handle) { return std::string("is a damaged JPEG: ")
 
 // Planes as the JPEG holds them: decoded once, the first is the grey image, all three make the colour one.
 std::string decode_jpeg(const RawPicture& picture, GreyImage* grey, cv::Mat3b* colour) {
-  tjhandle handle = decompressor();
+  // A new one for every picture (about a microsecond): one that has met a damaged header refuses all that follow, and
+  // tables of an earlier picture would be used for one that lacks its own.
+  const Decompressor owner(tjInitDecompress(), &tjDestroy);
+  tjhandle handle = owner.get();
   if (handle == nullptr) return "cannot be decoded: no JPEG decoder";
   int width = 0, height = 0, subsampling = 0, space = 0;
   const auto size = static_cast<unsigned long>(picture.bytes.size());

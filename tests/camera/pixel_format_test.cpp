@@ -261,6 +261,47 @@ TEST(MotionJpeg, DamageIsRefusedAndStrayBytesAreNot) {
   EXPECT_EQ(cv::norm(grey, expected, cv::NORM_INF), 0);
 }
 
+// Every byte of the headers damaged in turn: the picture after it is whole, and is decoded as if it were the first.
+TEST(MotionJpeg, DamageInOnePictureDoesNotReachTheNext) {
+  const Bytes whole = jpeg_of(scene(64, 48));
+  const auto decode = [](const Bytes& bytes, GreyImage* grey) {
+    return decode_picture(picture_of(PixelFormat::mjpeg, 64, 48, 0, bytes), grey, nullptr);
+  };
+  GreyImage expected;
+  ASSERT_EQ(decode(whole, &expected), "");
+  int refused = 0;
+  for (std::size_t i = 0; i < 620; ++i) {
+    for (const std::uint8_t value : {0x00, 0x01, 0xc0, 0xd8, 0xd9, 0xff}) {
+      Bytes damaged = whole;
+      damaged[i] = value;
+      GreyImage grey;
+      const std::string problem = decode(damaged, &grey);
+      refused += problem.empty() ? 0 : 1;
+      EXPECT_EQ(decode(damaged, &grey), problem) << i;
+      ASSERT_EQ(decode(whole, &grey), "") << "after " << problem << " at byte " << i;
+      EXPECT_EQ(cv::norm(grey, expected, cv::NORM_INF), 0) << i;
+    }
+  }
+  EXPECT_GT(refused, 300);
+}
+
+// Tables are of one picture: those of an earlier one are not used for a picture that lacks its own (marker ff db).
+TEST(MotionJpeg, QuantisationIsNotTakenFromThePictureBefore) {
+  const Bytes whole = jpeg_of(scene(64, 48));
+  Bytes bare;
+  for (std::size_t i = 0; i < whole.size();) {
+    if (whole[i] == 0xff && i + 3 < whole.size() && whole[i + 1] == 0xdb) {
+      i += 2 + static_cast<std::size_t>(whole[i + 2] << 8 | whole[i + 3]);
+    } else {
+      bare.push_back(whole[i++]);
+    }
+  }
+  ASSERT_LT(bare.size(), whole.size());
+  GreyImage grey;
+  ASSERT_EQ(decode_picture(picture_of(PixelFormat::mjpeg, 64, 48, 0, whole), &grey, nullptr), "");
+  EXPECT_NE(decode_picture(picture_of(PixelFormat::mjpeg, 64, 48, 0, bare), &grey, nullptr), "");
+}
+
 TEST(PixelFormat, HasItsFourCharacters) {
   EXPECT_EQ(fourcc_text(fourcc('Y', 'U', 'Y', 'V')), "YUYV");
   EXPECT_EQ(fourcc_text(fourcc('Y', '8', ' ', ' ')), "Y8");
