@@ -17,264 +17,89 @@ std::vector<CameraInfo> list_libcamera_cameras() { return {}; }
 
 #else
 
-#include <atomic>
-
-#include "camera/image_file.h"
 #include "camera/libcamera_connection.h"
+#include "camera/reconnecting_camera.h"
 #include "core/error.h"
 #include "core/log.h"
 
 namespace parallax {
 namespace {
 
-constexpr std::chrono::milliseconds kLookAgain{500};
-constexpr int kLooksBeforeAnew = 4;
-constexpr Timestamp kSilence = std::chrono::seconds(10);
-constexpr Timestamp kSettle = std::chrono::seconds(1);
-constexpr std::size_t kMaxWarnings = 100;
-constexpr char kDisconnected[] = "camera disconnected: plug it in again";
-
-Timestamp now() { return SteadyClock::now().time_since_epoch(); }
-
-class LibcameraCamera final : public LiveCamera {
+class LibcameraBackend final : public CameraBackend {
  public:
-  LibcameraCamera(const std::string& name, const LiveCameraOptions& options)
-      : manager_(libcamera_manager()), name_(name), options_(options), signal_(std::make_shared<LibcameraSignal>()) {
-    auto camera = find("");
-    if (!camera) {
-      throw InputError(name_.empty()
-                           ? "libcamera: no camera found: plug one in, or use synthetic:desk"
-                           : "libcamera:" + name_ +
-                                 ": no such camera: is it plugged in? `parallax cameras` lists what is there");
-    }
-    auto connection = std::make_shared<LibcameraConnection>(manager_, std::move(camera), options_, signal_);
-    width_ = options_.width = connection->width();
-    height_ = options_.height = connection->height();
-    begin(std::move(connection));
+  explicit LibcameraBackend(std::string name)
+      : name_(std::move(name)), signal_(std::make_shared<LibcameraSignal>()), manager_(libcamera_manager()) {}
+
+  std::vector<std::string> candidates(const std::string& identity) override;
+  std::unique_ptr<CameraConnection> open(const std::string& name, const LiveCameraOptions& options) override {
+    auto camera = manager_ ? manager_->get(name) : nullptr;
+    if (!camera) throw InputError("libcamera:" + name + ": no such camera: is it plugged in?");
+    return std::make_unique<LibcameraConnection>(manager_, std::move(camera), options, signal_);
   }
-  ~LibcameraCamera() override {
-    const MutexLock lock(mutex_);
-    connection_.reset();
+  std::string none_found() const override {
+    return name_.empty()
+               ? "libcamera: no camera found: plug one in, or use synthetic:desk"
+               : "libcamera:" + name_ + ": no such camera: is it plugged in? `parallax cameras` lists what is there";
   }
 
-  std::optional<Frame> next() override;
-  CameraStatus status() const override {
-    const MutexLock lock(mutex_);
-    return status_;
+  void wait(std::chrono::milliseconds time) override {
+    const MutexLock lock(signal_->mutex);
+    signal_->condition.wait_for(signal_->mutex, time,
+                                [this]() PARALLAX_REQUIRES(signal_->mutex) { return signal_->stopped; });
   }
-  void stop() override;
-  std::vector<CameraControl> controls() override {
-    const auto connection = current();
-    return connection ? connection->controls() : std::vector<CameraControl>();
+  void wake() override {
+    {
+      const MutexLock lock(signal_->mutex);
+      signal_->stopped = true;
+    }
+    signal_->condition.notify_all();
   }
-  void set_control(const std::string& name, std::int64_t value) override {
-    const auto connection = current();
-    if (!connection) throw InputError(description() + ": control " + name + " cannot be set: " + kDisconnected);
-    connection->set_control(name, value);
-  }
-  int width() const override { return width_; }
-  int height() const override { return height_; }
-  std::string identity() const override {
-    const MutexLock lock(mutex_);
-    return identity_;
-  }
-  std::string description() const override {
-    const MutexLock lock(mutex_);
-    return description_;
-  }
-  double frames_per_second() const override { return options_.fps; }
-  std::vector<SourceWarning> take_warnings() override { return std::exchange(warnings_, {}); }
+  Timestamp now() const override { return SteadyClock::now().time_since_epoch(); }
 
  private:
-  std::shared_ptr<LibcameraConnection> current() const {
-    const MutexLock lock(mutex_);
-    return connection_;
-  }
-  std::shared_ptr<libcamera::Camera> find(const std::string& preferred_source) const;
-  void begin(std::shared_ptr<LibcameraConnection> connection);
-  void disconnect(const std::string& text);
-  void look_for_camera();
-  void start_manager_anew();
-  std::optional<Frame> decode(LibcameraConnection& connection, libcamera::Request* request);
-  void warn(int frame, const std::string& text) {
-    log::debug(text);
-    if (warnings_.size() < kMaxWarnings) warnings_.push_back({frame, text});
-  }
+  void start_anew();
 
-  std::shared_ptr<libcamera::CameraManager> manager_;  // of the thread that reads; null only after stop()
-  int looks_in_vain_ = 0;                              // of the thread that reads: since the camera was there
-  const std::string name_;
-  LiveCameraOptions options_;  // width and height: what the first camera gave
-  int width_ = 0, height_ = 0;
+  const std::string name_;  // or a part of it; empty: any
   const std::shared_ptr<LibcameraSignal> signal_;
-  std::atomic<bool> stopped_{false};
-
-  mutable Mutex mutex_;
-  std::shared_ptr<LibcameraConnection> connection_ PARALLAX_GUARDED_BY(mutex_);
-  CameraStatus status_ PARALLAX_GUARDED_BY(mutex_);
-  std::string identity_ PARALLAX_GUARDED_BY(mutex_), description_ PARALLAX_GUARDED_BY(mutex_);
-
-  // Of the thread that reads.
-  std::vector<SourceWarning> warnings_;
-  std::string source_;
-  int next_index_ = 0;
-  Timestamp last_time_{0}, heard_{0};
-  std::optional<Timestamp> first_time_;  // of the connection
-  bool held_ = false;
+  std::shared_ptr<libcamera::CameraManager> manager_;
 };
 
-std::shared_ptr<libcamera::Camera> LibcameraCamera::find(const std::string& preferred_source) const {
-  std::shared_ptr<libcamera::Camera> found;
-  for (const auto& camera : manager_->cameras()) {
-    if ("libcamera:" + camera->id() == preferred_source) return camera;
-    const bool matches =
-        camera->id().find(name_) != std::string::npos || libcamera_product(*camera).find(name_) != std::string::npos;
-    if (matches && (!found || camera->id() == name_)) found = camera;
-  }
-  return found;
-}
-
-void LibcameraCamera::begin(std::shared_ptr<LibcameraConnection> connection) {
-  heard_ = now();
-  first_time_.reset();
-  held_ = false;
-  source_ = connection->source();
-  log::debug("camera ", source_, ": ", connection->width(), "x", connection->height());
-  const MutexLock lock(mutex_);
-  identity_ = connection->identity();
-  description_ = source_;
-  status_.state = CameraState::starting;
-  status_.text = "camera starting";
-  status_.requested_fps = connection->requested_fps();
-  status_.measured_fps = 0;
-  connection_ = std::move(connection);
-}
-
-void LibcameraCamera::disconnect(const std::string& text) {
-  std::shared_ptr<LibcameraConnection> gone;  // closed outside the lock
-  const MutexLock lock(mutex_);
-  gone.swap(connection_);
-  status_.state = CameraState::disconnected;
-  status_.text = text;
-  status_.measured_fps = 0;
-}
-
-void LibcameraCamera::start_manager_anew() {
+// A manager that has seen a camera go is not to be trusted with its return. libcamera (0.0.3) keeps, by the number of
+// the device, what it waited for when the camera came for the first time, and gives the next device of that number to
+// what is no longer there: it depends on the order in which the parts of the camera are announced whether it is seen
+// again. What is announced while a manager starts is missed by that one, too. So there is a new one for every look.
+void LibcameraBackend::start_anew() {
   manager_ = nullptr;  // there is one at a time; another thread that still holds it keeps it
-  while (!manager_) {
-    try {
-      manager_ = libcamera_manager();
-    } catch (const InputError& error) {
-      log::debug(error.what());
-      MutexLock lock(signal_->mutex);
-      signal_->condition.wait_for(signal_->mutex, kLookAgain,
-                                  [this]() PARALLAX_REQUIRES(signal_->mutex) { return signal_->stopped; });
-      if (signal_->stopped) return;
-    }
-  }
-}
-
-void LibcameraCamera::look_for_camera() {
-  {
-    MutexLock lock(signal_->mutex);
-    signal_->condition.wait_for(signal_->mutex, kLookAgain,
-                                [this]() PARALLAX_REQUIRES(signal_->mutex) { return signal_->stopped; });
-    if (signal_->stopped) return;
-  }
-  auto camera = find(source_);
-  if (!camera) {
-    // It may have missed that a camera came back (a device that appears while another part of it is still being made):
-    // one that is started anew looks at everything there is.
-    if (++looks_in_vain_ % kLooksBeforeAnew == 0) start_manager_anew();
-    return;
-  }
-  looks_in_vain_ = 0;
-  std::string problem;
   try {
-    auto connection = std::make_shared<LibcameraConnection>(manager_, std::move(camera), options_, signal_);
-    if (connection->width() == width_ && connection->height() == height_) return begin(std::move(connection));
-    problem = connection->source() + " offers no pictures of " + to_string(ImageSize{width_, height_}) +
-              ", as the camera before it";
+    manager_ = libcamera_manager();
   } catch (const InputError& error) {
-    problem = error.what();
+    log::debug(error.what());
   }
-  const MutexLock lock(mutex_);
-  status_.text = std::string(kDisconnected) + " (" + problem + ")";
 }
 
-std::optional<Frame> LibcameraCamera::next() {
-  while (!stopped_) {
-    const auto connection = current();
-    if (!connection) {
-      look_for_camera();
-      continue;
+std::vector<std::string> LibcameraBackend::candidates(const std::string& identity) {
+  if (!identity.empty()) start_anew();
+  std::vector<std::string> same, named, others;
+  if (!manager_) return {};
+  for (const auto& camera : manager_->cameras()) {
+    const std::string id = camera->id();
+    if (libcamera_identity(*camera) == identity) {
+      same.push_back(id);
+    } else if (id == name_) {
+      named.push_back(id);
+    } else if (id.find(name_) != std::string::npos || libcamera_product(*camera).find(name_) != std::string::npos) {
+      others.push_back(id);
     }
-    libcamera::Request* request = connection->take(kLookAgain);
-    if (connection->is_gone()) {
-      disconnect(kDisconnected);
-      continue;
-    }
-    if (request == nullptr) {
-      if (now() - heard_ > kSilence) disconnect("the camera sends no pictures: starting it again");
-      continue;
-    }
-    heard_ = now();
-    auto frame = decode(*connection, request);
-    if (frame && options_.tracking_profile && !held_) {
-      if (!first_time_) first_time_ = frame->time;
-      if (frame->time - *first_time_ >= kSettle) {
-        connection->hold_settled_values(request);
-        held_ = true;
-      }
-    }
-    connection->give_back(request);
-    if (!frame) continue;
-    const MutexLock lock(mutex_);
-    status_.state = CameraState::streaming;
-    status_.measured_fps = connection->measured_fps();
-    status_.text.clear();
-    return frame;
   }
-  disconnect("camera stopped");
-  return std::nullopt;
-}
-
-std::optional<Frame> LibcameraCamera::decode(LibcameraConnection& connection, libcamera::Request* request) {
-  const std::uint64_t skipped = connection.take_skipped();
-  next_index_ += static_cast<int>(skipped);
-  {
-    const MutexLock lock(mutex_);
-    status_.skipped += skipped;
-  }
-  Frame frame;
-  frame.index = next_index_++;
-  bool damaged = false;
-  const RawPicture picture = connection.picture(request, &frame.time, &damaged);
-  const std::string problem = damaged ? "the driver reports a damaged frame"
-                                      : decode_picture(picture, &frame.grey, options_.colour ? &frame.colour : nullptr);
-  if (!problem.empty()) {
-    warn(frame.index, source_ + ": skipped: " + problem);
-    return std::nullopt;
-  }
-  if (frame.time <= last_time_) frame.time = std::max(now(), last_time_ + Timestamp(1));
-  last_time_ = frame.time;
-  return frame;
-}
-
-void LibcameraCamera::stop() {
-  stopped_ = true;
-  {
-    const MutexLock lock(signal_->mutex);
-    signal_->stopped = true;
-  }
-  signal_->condition.notify_all();
-  if (const auto connection = current()) connection->restore();
+  same.insert(same.end(), named.begin(), named.end());
+  same.insert(same.end(), others.begin(), others.end());
+  return same;
 }
 
 }  // namespace
 
 std::unique_ptr<LiveCamera> open_libcamera_camera(const std::string& name, const LiveCameraOptions& options) {
-  return std::make_unique<LibcameraCamera>(name, options);
+  return std::make_unique<ReconnectingCamera>(std::make_unique<LibcameraBackend>(name), options);
 }
 
 std::vector<CameraInfo> list_libcamera_cameras() {

@@ -23,13 +23,19 @@ namespace lc = libcamera;
 
 constexpr unsigned int kBuffers = 4;
 constexpr std::chrono::milliseconds kRestoreWait{300};  // a few frames
+constexpr char kBusy[] = ": busy: another program is using the camera; close it and try again";
 constexpr unsigned int kMaxLost = 1000;
+constexpr Timestamp kSettle = std::chrono::seconds(1);
 
 }  // namespace
 
 LibcameraConnection::LibcameraConnection(std::shared_ptr<lc::CameraManager> manager, std::shared_ptr<lc::Camera> camera,
                                          const LiveCameraOptions& options, std::shared_ptr<LibcameraSignal> signal)
-    : manager_(std::move(manager)), camera_(std::move(camera)), signal_(std::move(signal)) {
+    : manager_(std::move(manager)),
+      camera_(std::move(camera)),
+      signal_(std::move(signal)),
+      to_settle_(options.tracking_profile) {
+  facts_.source = facts_.description = "libcamera:" + camera_->id();
   try {
     acquire();
     configure(options);
@@ -48,18 +54,17 @@ LibcameraConnection::~LibcameraConnection() {
 
 void LibcameraConnection::acquire() {
   const int error = camera_->acquire();
-  if (error == -EBUSY) {
-    throw InputError(source() + ": busy: another program is using the camera; close it and try again");
-  }
+  if (error == -EBUSY) throw InputError(facts_.source + kBusy);
   if (error != 0)
-    throw InputError(source() + ": no such camera: is it plugged in? `parallax cameras` lists what is there");
+    throw InputError(facts_.source + ": no such camera: is it plugged in? `parallax cameras` lists what is there");
   acquired_ = true;
+  facts_.identity = libcamera_identity(*camera_);
   known_controls_ = libcamera_controls(*camera_);
 }
 
 void LibcameraConnection::configure(const LiveCameraOptions& options) {
   configuration_ = camera_->generateConfiguration({lc::StreamRole::Viewfinder});
-  if (!configuration_ || configuration_->empty()) throw InputError(source() + ": has no stream to look at");
+  if (!configuration_ || configuration_->empty()) throw InputError(facts_.source + ": has no stream to look at");
   auto& stream = configuration_->at(0);
   const auto formats = libcamera_formats(stream);
   for (const auto& mode : rank_modes(formats, options)) {
@@ -72,24 +77,23 @@ void LibcameraConnection::configure(const LiveCameraOptions& options) {
     const ImageSize size{static_cast<int>(stream.size.width), static_cast<int>(stream.size.height)};
     if (!format || !image_size_problem(size).empty()) continue;
     const int error = camera_->configure(configuration_.get());
-    if (error == -EBUSY) {
-      throw InputError(source() + ": busy: another program is using the camera; close it and try again");
-    }
+    if (error == -EBUSY) throw InputError(facts_.source + kBusy);
     if (error != 0) continue;
     format_ = *format;
-    width_ = size.width;
-    height_ = size.height;
+    facts_.mode = fourcc_text(fourcc_of(format_)) + " " + to_string(size);
+    facts_.width = size.width;
+    facts_.height = size.height;
     stride_ = format_ == PixelFormat::mjpeg ? 0 : stream.stride;
     stream_ = stream.stream();
     return;
   }
-  throw InputError(source() + ": no usable format: offers " + format_summary(formats) + ", expected one of " +
+  throw InputError(facts_.source + ": no usable format: offers " + format_summary(formats) + ", expected one of " +
                    known_pixel_formats());
 }
 
 void LibcameraConnection::allocate() {
   allocator_ = std::make_unique<lc::FrameBufferAllocator>(camera_);
-  if (allocator_->allocate(stream_) < 0) throw InputError(source() + ": has no memory for pictures");
+  if (allocator_->allocate(stream_) < 0) throw InputError(facts_.source + ": has no memory for pictures");
   std::map<int, std::size_t> lengths;
   for (const auto& buffer : allocator_->buffers(stream_)) {
     for (const auto& plane : buffer->planes()) {
@@ -99,13 +103,13 @@ void LibcameraConnection::allocate() {
     }
     auto request = camera_->createRequest();
     if (!request || request->addBuffer(stream_, buffer.get()) != 0) {
-      throw InputError(source() + ": takes no request for a picture");
+      throw InputError(facts_.source + ": takes no request for a picture");
     }
     requests_.push_back(std::move(request));
   }
   for (const auto& [fd, length] : lengths) {
     const void* memory = ::mmap(nullptr, length, PROT_READ, MAP_SHARED, fd, 0);
-    if (memory == MAP_FAILED) throw InputError(source() + ": its memory for pictures cannot be mapped");
+    if (memory == MAP_FAILED) throw InputError(facts_.source + ": its memory for pictures cannot be mapped");
     memory_[fd] = {static_cast<const std::uint8_t*>(memory), length};
   }
 }
@@ -118,14 +122,13 @@ void LibcameraConnection::start(const LiveCameraOptions& options) {
     const auto microseconds = static_cast<std::int64_t>(std::llround(1e6 / options.fps));
     const std::array<std::int64_t, 2> limits{microseconds, microseconds};
     first.set(lc::controls::FrameDurationLimits, lc::Span<const std::int64_t, 2>(limits));
-    requested_fps_ = options.fps;
+    facts_.fps = options.fps;
   }
   if (options.tracking_profile && has(lc::controls::Sharpness.id())) {
     first.set(lc::controls::Sharpness.id(), camera_->controls().at(lc::controls::Sharpness.id()).min());
   }
   if (const int error = camera_->start(&first); error != 0) {
-    throw InputError(source() + (error == -EBUSY ? ": busy: another program is using the camera; close it and try again"
-                                                 : ": cannot be started"));
+    throw InputError(facts_.source + (error == -EBUSY ? kBusy : ": cannot be started"));
   }
   for (const auto& request : requests_) queue(request.get());
 }
@@ -174,9 +177,8 @@ void LibcameraConnection::on_completed(lc::Request* request) {
     unsigned int lost = 0;
     if (last_sequence_ && metadata.sequence > *last_sequence_) lost = metadata.sequence - *last_sequence_ - 1;
     if (lost > kMaxLost) lost = 0;
-    skipped_ += lost;
+    skipped_ += static_cast<int>(lost);
     last_sequence_ = metadata.sequence;
-    meter_.add(Timestamp(static_cast<Timestamp::rep>(metadata.timestamp)), lost);
   }
   signal_->condition.notify_all();
   if (older != nullptr) give_back(older);
@@ -191,19 +193,31 @@ void LibcameraConnection::on_disconnected() {
   signal_->condition.notify_all();
 }
 
-lc::Request* LibcameraConnection::take(std::chrono::milliseconds wait) {
-  MutexLock lock(signal_->mutex);
-  signal_->condition.wait_for(signal_->mutex, wait, [this]() PARALLAX_REQUIRES(signal_->mutex) {
-    return newest_ != nullptr || gone_ || signal_->stopped;
-  });
-  if (gone_ || signal_->stopped) return nullptr;
-  lc::Request* request = newest_;
-  newest_ = nullptr;
-  if (request != nullptr) {
-    lock.unlock();
-    sync(request, true);
+CameraArrival LibcameraConnection::next(std::chrono::milliseconds wait) {
+  CameraArrival arrival;
+  {
+    const MutexLock lock(signal_->mutex);
+    signal_->condition.wait_for(signal_->mutex, wait, [this]() PARALLAX_REQUIRES(signal_->mutex) {
+      return newest_ != nullptr || gone_ || signal_->stopped;
+    });
+    arrival.skipped = std::exchange(skipped_, 0);
+    if (gone_) arrival.kind = CameraArrival::Kind::gone;
+    if (gone_ || signal_->stopped) return arrival;
+    taken_ = std::exchange(newest_, nullptr);
   }
-  return request;
+  if (taken_ == nullptr) return arrival;
+  sync(taken_, true);
+  if (taken_->findBuffer(stream_)->metadata().status != lc::FrameMetadata::FrameSuccess) {
+    arrival.damaged = 1;
+    give_back();
+    return arrival;
+  }
+  fill(&arrival);
+  return arrival;
+}
+
+void LibcameraConnection::give_back() {
+  if (taken_ != nullptr) give_back(std::exchange(taken_, nullptr));
 }
 
 void LibcameraConnection::give_back(lc::Request* request) {
@@ -226,36 +240,20 @@ std::span<const std::uint8_t> LibcameraConnection::bytes_of(const lc::FrameBuffe
   return memory.subspan(offset, std::min<std::size_t>(used, plane.length));
 }
 
-RawPicture LibcameraConnection::picture(lc::Request* request, Timestamp* time, bool* damaged) const {
-  const lc::FrameBuffer& buffer = *request->findBuffer(stream_);
+void LibcameraConnection::fill(CameraArrival* arrival) const {
+  const lc::FrameBuffer& buffer = *taken_->findBuffer(stream_);
   const auto& metadata = buffer.metadata();
-  *time = Timestamp(static_cast<Timestamp::rep>(metadata.timestamp));
-  *damaged = metadata.status != lc::FrameMetadata::FrameSuccess;
-  RawPicture out;
-  out.format = format_;
-  out.width = width_;
-  out.height = height_;
-  out.stride = stride_;
-  out.bytes = bytes_of(buffer.planes()[0], metadata.planes()[0].bytesused);
+  arrival->kind = CameraArrival::Kind::picture;
+  arrival->time = Timestamp(static_cast<Timestamp::rep>(metadata.timestamp));
+  RawPicture& picture = arrival->picture;
+  picture.format = format_;
+  picture.width = facts_.width;
+  picture.height = facts_.height;
+  picture.stride = stride_;
+  picture.bytes = bytes_of(buffer.planes()[0], metadata.planes()[0].bytesused);
   if (format_ == PixelFormat::nv12 && buffer.planes().size() > 1 && metadata.planes().size() > 1) {
-    out.chroma = bytes_of(buffer.planes()[1], metadata.planes()[1].bytesused);
+    picture.chroma = bytes_of(buffer.planes()[1], metadata.planes()[1].bytesused);
   }
-  return out;
-}
-
-bool LibcameraConnection::is_gone() const {
-  const MutexLock lock(signal_->mutex);
-  return gone_;
-}
-
-std::uint64_t LibcameraConnection::take_skipped() {
-  const MutexLock lock(signal_->mutex);
-  return std::exchange(skipped_, 0);
-}
-
-double LibcameraConnection::measured_fps() const {
-  const MutexLock lock(signal_->mutex);
-  return meter_.rate();
 }
 
 std::vector<CameraControl> LibcameraConnection::controls() const {
@@ -269,7 +267,7 @@ std::vector<CameraControl> LibcameraConnection::controls() const {
 }
 
 void LibcameraConnection::set_control(const std::string& name, std::int64_t value) {
-  require_control(source(), controls(), name, value);
+  require_control(facts_.source, controls(), name, value);
   const MutexLock lock(signal_->mutex);
   for (const auto& known : known_controls_) {
     if (known.control.name != name) continue;
@@ -296,6 +294,15 @@ void LibcameraConnection::set_pending(const Control& control, const Value& value
   if (!has(control.id())) return;
   pending_[control.id()] = lc::ControlValue(value);
   changed_.push_back(control.id());
+}
+
+std::optional<std::string> LibcameraConnection::settle(const Frame& frame) {
+  if (!to_settle_ || taken_ == nullptr) return std::nullopt;
+  if (!settling_since_) settling_since_ = frame.time;
+  if (frame.time - *settling_since_ < kSettle) return std::nullopt;
+  to_settle_ = false;
+  hold_settled_values(taken_);
+  return std::nullopt;
 }
 
 void LibcameraConnection::hold_settled_values(lc::Request* request) {

@@ -1,5 +1,5 @@
-// A camera of libcamera while it is plugged in: acquired, configured, its buffers, its stream of requests. Unplugging
-// ends a connection; camera/libcamera_camera makes the next one. Included where the library is there.
+// A camera of libcamera while it is plugged in: acquired, configured, its buffers, its stream of requests. Included
+// where the library is there.
 #pragma once
 
 #include <libcamera/libcamera.h>
@@ -13,15 +13,14 @@
 #include <string>
 #include <vector>
 
+#include "camera/camera_connection.h"
 #include "camera/libcamera_formats.h"
-#include "camera/live_camera.h"
-#include "camera/live_frame_rate.h"
 #include "core/mutex.h"
 #include "core/time.h"
 
 namespace parallax {
 
-// What wakes the thread that waits for frames. Shared by the camera and its connections; any thread.
+// What wakes the thread that waits for frames. Shared by the back end and its connections; any thread.
 struct LibcameraSignal {
   Mutex mutex;
   std::condition_variable_any condition;
@@ -30,39 +29,27 @@ struct LibcameraSignal {
 
 // Streams from construction to destruction. libcamera calls back on its own thread: the newest picture is kept, the one
 // before it goes back to the driver at once.
-class LibcameraConnection {
+class LibcameraConnection final : public CameraConnection {
  public:
   // Throws InputError: busy, no usable format.
   LibcameraConnection(std::shared_ptr<libcamera::CameraManager> manager, std::shared_ptr<libcamera::Camera> camera,
                       const LiveCameraOptions& options, std::shared_ptr<LibcameraSignal> signal);
-  ~LibcameraConnection();
+  ~LibcameraConnection() override;
   LibcameraConnection(const LibcameraConnection&) = delete;
   LibcameraConnection& operator=(const LibcameraConnection&) = delete;
 
-  // The newest picture since the last call, for at most `wait`; null when none came, it was unplugged, or the signal
-  // says stop. It belongs to the caller until give_back.
-  libcamera::Request* take(std::chrono::milliseconds wait);
-  void give_back(libcamera::Request* request);
-  // The bytes of a taken picture, and its time; `damaged` when the driver says so.
-  RawPicture picture(libcamera::Request* request, Timestamp* time, bool* damaged) const;
+  const Facts& facts() const override { return facts_; }
+  CameraArrival next(std::chrono::milliseconds wait) override;
+  void give_back() override;
+  // Holds exposure, gain, white balance and focus where the camera's own reports say they are.
+  std::optional<std::string> settle(const Frame& frame) override;
+  std::string slow_reason(double) const override { return ""; }
 
-  bool is_gone() const;
-  std::uint64_t take_skipped();  // since the last call
-  double measured_fps() const;
-  double requested_fps() const { return requested_fps_; }  // 0: the camera cannot be told
-  int width() const { return width_; }
-  int height() const { return height_; }
-  std::string identity() const { return "libcamera, " + libcamera_product(*camera_) + ", " + camera_->id(); }
-  std::string source() const { return "libcamera:" + camera_->id(); }
-
-  // Any thread. Changes travel with the next request. What was changed goes back to its default by restore(), which
-  // waits shortly for a request to take it along.
-  std::vector<CameraControl> controls() const;
-  void set_control(const std::string& name, std::int64_t value);
-  void restore();
-
-  // See TrackingProfile: holds exposure, gain, white balance and focus where the camera's own reports say they are.
-  void hold_settled_values(libcamera::Request* request);
+  // Changes travel with the next request. What was changed goes back to its default by restore(), which waits shortly
+  // for a request to take it along.
+  std::vector<CameraControl> controls() const override;
+  void set_control(const std::string& name, std::int64_t value) override;
+  void restore() override;
 
  private:
   void acquire();
@@ -71,8 +58,11 @@ class LibcameraConnection {
   void start(const LiveCameraOptions& options);
   void release();
   void queue(libcamera::Request* request);
+  void give_back(libcamera::Request* request);
   void on_completed(libcamera::Request* request);
   void on_disconnected();
+  void fill(CameraArrival* arrival) const;
+  void hold_settled_values(libcamera::Request* request);
   bool has(unsigned int id) const { return camera_->controls().count(id) > 0; }
   template <class Control, class Value>
   void set_pending(const Control& control, const Value& value);
@@ -83,8 +73,7 @@ class LibcameraConnection {
   const std::shared_ptr<libcamera::Camera> camera_;
   const std::shared_ptr<LibcameraSignal> signal_;
   bool acquired_ = false;
-  int width_ = 0, height_ = 0;
-  double requested_fps_ = 0;
+  Facts facts_;
   PixelFormat format_ = PixelFormat::yuyv;
   std::size_t stride_ = 0;
   std::unique_ptr<libcamera::CameraConfiguration> configuration_;
@@ -94,11 +83,15 @@ class LibcameraConnection {
   std::vector<std::unique_ptr<libcamera::Request>> requests_;
   std::vector<LibcameraControl> known_controls_;  // as they were at first
 
+  // Of the thread that reads.
+  libcamera::Request* taken_ = nullptr;
+  std::optional<Timestamp> settling_since_;
+  bool to_settle_ = false;
+
   // Guarded by signal_->mutex.
   libcamera::Request* newest_ = nullptr;
   bool gone_ = false, closing_ = false;
-  std::uint64_t skipped_ = 0;
-  FrameRateMeter meter_;
+  int skipped_ = 0;
   std::optional<unsigned int> last_sequence_;
   std::map<unsigned int, libcamera::ControlValue> pending_;  // to go with the next request
   std::map<unsigned int, std::int64_t> set_;                 // by set_control

@@ -7,11 +7,12 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <condition_variable>
+#include <mutex>
 #include <utility>
 
 #include "camera/image_file.h"
 #include "core/error.h"
-#include "core/mutex.h"
 
 namespace parallax {
 namespace {
@@ -58,20 +59,36 @@ std::optional<std::int64_t> to_integer(const libcamera::ControlValue& value) {
 }  // namespace
 
 std::shared_ptr<libcamera::CameraManager> libcamera_manager() {
-  static std::mutex mutex;
-  static std::weak_ptr<libcamera::CameraManager> shared;
-  const std::lock_guard lock(mutex);
-  if (auto manager = shared.lock()) return manager;
+  // A second manager must not be made before the first one is gone, which takes a while after the last one lets go.
+  struct Shared {
+    std::mutex mutex;
+    std::condition_variable condition;
+    std::weak_ptr<libcamera::CameraManager> manager;
+    bool exists = false;
+  };
+  static Shared shared;
+  const auto gone = [] {
+    {
+      const std::lock_guard lock(shared.mutex);
+      shared.exists = false;
+    }
+    shared.condition.notify_all();
+  };
+  std::unique_lock lock(shared.mutex);
+  if (auto manager = shared.manager.lock()) return manager;
+  shared.condition.wait(lock, [] { return !shared.exists; });
   // Its log goes to the console otherwise; LIBCAMERA_LOG_FILE still writes it to a file.
   static const bool quiet = libcamera::logSetTarget(libcamera::LoggingTargetNone) == 0;
   (void)quiet;
   auto started = std::make_unique<libcamera::CameraManager>();
   if (started->start() != 0) throw InputError("libcamera: cannot be started");
-  std::shared_ptr<libcamera::CameraManager> manager(started.release(), [](libcamera::CameraManager* stopped) {
+  shared.exists = true;
+  std::shared_ptr<libcamera::CameraManager> manager(started.release(), [gone](libcamera::CameraManager* stopped) {
     stopped->stop();
     std::default_delete<libcamera::CameraManager>()(stopped);
+    gone();
   });
-  shared = manager;
+  shared.manager = manager;
   return manager;
 }
 
@@ -140,6 +157,10 @@ std::vector<LibcameraControl> libcamera_controls(const libcamera::Camera& camera
 
 std::string libcamera_product(const libcamera::Camera& camera) {
   return camera.properties().get(libcamera::properties::Model).value_or(camera.id());
+}
+
+std::string libcamera_identity(const libcamera::Camera& camera) {
+  return "libcamera, " + libcamera_product(camera) + ", " + camera.id();
 }
 
 }  // namespace parallax

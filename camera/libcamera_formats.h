@@ -36,5 +36,7 @@ std::vector<LibcameraControl> libcamera_controls(const libcamera::Camera& camera
 
 // The product's name, or the identifier.
 std::string libcamera_product(const libcamera::Camera& camera);
+// See LiveCamera::identity.
+std::string libcamera_identity(const libcamera::Camera& camera);
 
 }  // namespace parallax

@@ -12,6 +12,7 @@
 
 namespace parallax {
 
+// disconnected: there are no pictures and the user has to do something; the status says what.
 enum class CameraState { starting, streaming, disconnected };
 
 struct CameraStatus {
@@ -21,6 +22,7 @@ struct CameraStatus {
   double requested_fps = 0;   // what the format promises
   std::string fps_reason;     // why the rate fell, when known ("automatic exposure: more light helps"); else empty
   std::uint64_t skipped = 0;  // frames the driver delivered that nobody took (newest-frame policy)
+  std::uint64_t damaged = 0;  // frames that came damaged and were dropped
 };
 
 struct CameraControl {

@@ -1,14 +1,12 @@
-// A V4L2 camera while it is plugged in: the open device, its mode, its controls and its stream. Unplugging ends a
-// connection; camera/v4l2_camera makes the next one.
+// A V4L2 camera while it is plugged in: the open device, its mode, its controls and its stream.
 #pragma once
 
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "camera/live_frame_rate.h"
+#include "camera/camera_connection.h"
 #include "camera/v4l2_controls.h"
 #include "camera/v4l2_device.h"
 #include "camera/v4l2_formats.h"
@@ -18,35 +16,41 @@
 namespace parallax {
 
 // Streams from construction on. Controls are put back when it goes, after the stream has ended.
-struct V4l2Connection {
-  // Opens `path` and starts it. Throws InputError with what to do.
-  V4l2Connection(std::shared_ptr<V4l2System> system, const std::string& path, const LiveCameraOptions& options)
-      : device(std::make_shared<V4l2Device>(std::move(system), path)),
-        controls(device),
-        mode(set_best_mode(*device, options)),
-        stream(device) {
-    if (options.tracking_profile) profile.emplace(&controls);
-  }
+class V4l2Connection final : public CameraConnection {
+ public:
+  // Opens `path` and starts it. `wake`: ends waits once it is signalled. Throws InputError with what to do.
+  V4l2Connection(std::shared_ptr<V4l2System> system, const std::string& path, const LiveCameraOptions& options,
+                 std::shared_ptr<WakeEvent> wake);
 
-  const std::shared_ptr<const V4l2Device> device;
-  V4l2Controls controls;  // any thread
-  const V4l2Mode mode;
+  const Facts& facts() const override { return facts_; }
+  CameraArrival next(std::chrono::milliseconds wait) override;
+  void give_back() override;
+  std::optional<std::string> settle(const Frame& frame) override;
+  std::string slow_reason(double measured_fps) const override;
+  std::vector<CameraControl> controls() const override { return controls_.list(); }
+  void set_control(const std::string& name, std::int64_t value) override { controls_.set_by_name(name, value); }
+  void restore() override { controls_.restore(); }
+
+ private:
+  struct Taken {
+    int count = 0, error = 0;
+  };
+  Taken take_all(CameraArrival* arrival);
+  int lost_before(std::uint32_t sequence);
+  bool is_stale(const V4l2Stream::Buffer& buffer) const;
+
+  const std::shared_ptr<V4l2System> system_;
+  const std::shared_ptr<WakeEvent> wake_;
+  const std::shared_ptr<const V4l2Device> device_;
+  V4l2Controls controls_;  // any thread
+  const V4l2Mode mode_;
+  Facts facts_;
   // Of the thread that reads frames.
-  V4l2Stream stream;
-  std::optional<TrackingProfile> profile;
-  FrameRateMeter meter;
-  std::optional<std::uint32_t> last_sequence;
+  V4l2Stream stream_;
+  std::optional<TrackingProfile> profile_;
+  std::optional<std::uint32_t> last_sequence_;
+  std::optional<V4l2Stream::Buffer> newest_;  // of the arrival
+  bool waited_for_fresh_ = false;
 };
-
-// Opens a camera again after it was unplugged, or another one in its place. `identity` is preferred; then `path`, or
-// any camera when that is empty. Pictures must have the size of before. Null when there is none yet: `problem` then
-// says what is wrong with the one that is there, or is empty.
-std::shared_ptr<V4l2Connection> reconnect_v4l2(const std::shared_ptr<V4l2System>& system, const std::string& path,
-                                               const std::string& identity, const LiveCameraOptions& options,
-                                               std::string* problem);
-
-// The first camera that can be used. Throws InputError: that of the first one that cannot, or that there is none.
-std::shared_ptr<V4l2Connection> connect_first_v4l2(const std::shared_ptr<V4l2System>& system,
-                                                   const LiveCameraOptions& options);
 
 }  // namespace parallax

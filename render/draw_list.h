@@ -43,7 +43,7 @@ struct MeshInstance {
   std::shared_ptr<const Mesh> mesh;
   Eigen::Affine3f world_from_model = Eigen::Affine3f::Identity();
   DrawColour tint;
-  float emission = 0;        // share of its colour that it gives off by itself
+  float emission = 0;        // share of its colour that it gives off by itself; above 1 it shines brighter than that
   bool casts_shadow = true;  // a soft contact shadow on the shadow plane
 };
 
@@ -81,6 +81,15 @@ struct PlaneGrid {
   DrawColour colour;
 };
 
+// A soft round spot that always faces the camera: smoke, sparks, glow. At r radii from its middle it has (1 - r^2)^2 of
+// its colour's alpha.
+struct Sprite {
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();
+  float radius_m = 0.01f;
+  DrawColour colour;
+  bool additive = false;  // adds light (colour times alpha, in linear light) instead of covering
+};
+
 struct DrawList {
   cv::Mat background;  // CV_8UC3 (BGR) or CV_8UC1, of the camera's size; empty: background_colour
   DrawColour background_colour{0.1f, 0.11f, 0.13f, 1};
@@ -91,7 +100,18 @@ struct DrawList {
   Eigen::Vector3f ambient_light = Eigen::Vector3f::Constant(1);
 
   std::vector<PlaneGrid> grids;
+  // Meshes without transparency in colour, texture or tint are drawn first and hide each other by depth; the others
+  // come after them, farthest middle first, each with its back faces before its front faces. They hide nothing by
+  // depth.
   std::vector<MeshInstance> meshes;
+  // Real things as the map knows them: they are not seen, and hide what is behind them (meshes, sprites, shadows; not
+  // grids, lines and points).
+  std::vector<std::shared_ptr<const Mesh>> occluders;  // in the frame below
+  Eigen::Affine3f world_from_occluders = Eigen::Affine3f::Identity();
+  // The same for this very frame, as render/occlusion_mask makes it: depth of real things along the camera's z, metres,
+  // spread over the camera's image, of any size; 0: nothing is hidden here. What either hides is hidden.
+  cv::Mat1f occlusion_depth;
+  std::vector<Sprite> sprites;  // drawn last of the world's things, farthest first
   std::vector<WorldLine> world_lines;
   std::vector<WorldPoint> world_points;
   std::vector<ScreenLine> screen_lines;

@@ -68,6 +68,14 @@ Mesh cut_for_view(const Mesh& mesh, const Eigen::Affine3f& camera_from_model, co
 
 }  // namespace
 
+Eigen::Affine3f in_camera(const RigidTransform& camera_from_world, const Eigen::Affine3f& world_from_model) {
+  const Eigen::Affine3d model = world_from_model.cast<double>();
+  Eigen::Affine3f out = Eigen::Affine3f::Identity();
+  out.linear() = (camera_from_world.R * model.linear()).cast<float>();
+  out.translation() = (camera_from_world * Eigen::Vector3d(model.translation())).cast<float>();
+  return out;
+}
+
 void GlMesh::upload(const Mesh& mesh, bool dynamic) {
   if (!array_) {
     array_ = GlVertexArray::make();

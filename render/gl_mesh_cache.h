@@ -12,6 +12,9 @@
 
 namespace parallax {
 
+// The product is taken in double precision: the camera may be far from the world's origin.
+Eigen::Affine3f in_camera(const RigidTransform& camera_from_world, const Eigen::Affine3f& world_from_model);
+
 inline float linear_from_srgb(float c) { return c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f); }
 
 // Vertices and triangles in buffers, ready to draw.
@@ -48,6 +51,7 @@ class GlMeshCache {
 
   // Frees what nobody holds any more.
   void collect();
+  std::size_t size() const { return entries_.size(); }
 
  private:
   std::map<const Mesh*, Entry> entries_;

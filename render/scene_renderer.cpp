@@ -11,7 +11,9 @@
 #include "render/gl_framebuffer.h"
 #include "render/gl_lens.h"
 #include "render/gl_mesh_cache.h"
+#include "render/gl_occlusion.h"
 #include "render/gl_shadows.h"
+#include "render/gl_sprites.h"
 #include "render/gl_strokes.h"
 #include "render/imgui_renderer.h"
 
@@ -24,20 +26,12 @@ constexpr float kLightSlant = 0.45f;
 constexpr float kShadowCoarseness = 2;
 
 std::string with_lens(const char* source) { return std::string(shaders::lens) + source; }
+std::string with_occlusion(const char* source) { return std::string(shaders::occlusion) + source; }
 
 Eigen::Affine3f affine(const RigidTransform& T) {
   Eigen::Affine3f out = Eigen::Affine3f::Identity();
   out.linear() = T.R.cast<float>();
   out.translation() = T.t.cast<float>();
-  return out;
-}
-
-// The product is taken in double precision: the camera may be far from the world's origin.
-Eigen::Affine3f in_camera(const RigidTransform& camera_from_world, const Eigen::Affine3f& world_from_model) {
-  const Eigen::Affine3d model = world_from_model.cast<double>();
-  Eigen::Affine3f out = Eigen::Affine3f::Identity();
-  out.linear() = (camera_from_world.R * model.linear()).cast<float>();
-  out.translation() = (camera_from_world * Eigen::Vector3d(model.translation())).cast<float>();
   return out;
 }
 
@@ -68,8 +62,8 @@ cv::Size image_size(const DrawList& list, const Viewport& viewport) {
 }
 
 bool has_content(const DrawList& list) {
-  const bool world = has_pose(list) && !(list.grids.empty() && list.meshes.empty() && list.world_lines.empty() &&
-                                         list.world_points.empty());
+  const bool world = has_pose(list) && !(list.grids.empty() && list.meshes.empty() && list.sprites.empty() &&
+                                         list.world_lines.empty() && list.world_points.empty());
   return world || !list.screen_lines.empty() || !list.screen_points.empty();
 }
 
@@ -90,8 +84,9 @@ Viewport fit_viewport(int image_width, int image_height, int framebuffer_width, 
 struct SceneRenderer::Implementation {
   explicit Implementation(const SceneRendererOptions& options)
       : content(options.samples),
-        mesh_program("meshes", with_lens(shaders::mesh_vertex), shaders::mesh_fragment),
-        shadow_program("shadows", with_lens(shaders::mesh_vertex), shaders::shadow_fragment),
+        mesh_program("meshes", with_lens(shaders::mesh_vertex), with_occlusion(shaders::mesh_fragment)),
+        shadow_program("shadows", with_lens(shaders::mesh_vertex), with_occlusion(shaders::shadow_fragment)),
+        sprite_program("sprites", with_lens(shaders::sprite_vertex), with_occlusion(shaders::sprite_fragment)),
         stroke_program("lines and points", shaders::stroke_vertex, shaders::stroke_fragment),
         composite_program("composite", shaders::composite_vertex, shaders::composite_fragment),
         nothing(GlVertexArray::make()) {
@@ -106,16 +101,19 @@ struct SceneRenderer::Implementation {
   void draw_world(const DrawList& list, const GlLens& lens, const Viewport& viewport);
   void draw_shadows(const DrawList& list, const GlLens& lens);
   void draw_meshes(const DrawList& list, const GlLens& lens);
+  void draw_sprites(const DrawList& list, const GlLens& lens);
   void draw_strokes(const Strokes& batch, const Viewport& viewport);
   void composite(const DrawList& list, const Viewport& viewport, bool with_content);
 
   GlContentFramebuffer content;
-  GlProgram mesh_program, shadow_program, stroke_program, composite_program;
+  GlProgram mesh_program, shadow_program, sprite_program, stroke_program, composite_program;
   GlVertexArray nothing;
   GlTexture white, background;
   std::optional<GlLens> lens;
   GlMeshCache meshes;
   GlShadows shadows;
+  GlOcclusion occlusion;
+  GlSprites sprites;
   GlStrokes strokes;
   std::optional<ImguiRenderer> interface;
 
@@ -144,12 +142,15 @@ void SceneRenderer::draw(const DrawList& list, const Viewport& viewport) {
     const GlLens& lens = self.lens_of(list.camera);
     // Lines and points have smooth edges of their own; only meshes need several samples.
     const bool with_meshes = has_pose(list) && !list.meshes.empty();
+    if (with_meshes || (has_pose(list) && !list.sprites.empty()))
+      self.occlusion.prepare(list, lens, viewport.width, viewport.height, &self.meshes);
     self.content.begin(viewport.width, viewport.height, with_meshes);
     self.draw_world(list, lens, viewport);
     self.content.end();
   }
   self.composite(list, viewport, with_content);
   self.meshes.collect();
+  self.shadows.collect();
   check_gl("drawing");
 }
 
@@ -165,6 +166,7 @@ void SceneRenderer::Implementation::draw_world(const DrawList& list, const GlLen
     for (const WorldPoint& point : list.world_points) maker.world_point(*list.camera_from_world, point, &world);
     gl().Enable(GL_DEPTH_TEST);
     draw_strokes(world, viewport);
+    draw_sprites(list, the_lens);
   }
   Strokes screen;
   for (const ScreenLine& line : list.screen_lines) maker.screen_line(line, &screen);
@@ -182,6 +184,7 @@ void SceneRenderer::Implementation::draw_shadows(const DrawList& list, const GlL
   gl().Disable(GL_CULL_FACE);
   shadow_program.use();
   the_lens.set_uniforms(shadow_program);
+  occlusion.set_uniforms(shadow_program);
   gl().Uniform1i(shadow_program.uniform("surface"), 0);
   for (const MeshInstance& instance : list.meshes) {
     if (!instance.casts_shadow || instance.mesh == nullptr || instance.tint.a < 0.02f) continue;
@@ -192,7 +195,6 @@ void SceneRenderer::Implementation::draw_shadows(const DrawList& list, const GlL
     gl().UniformMatrix4fv(shadow_program.uniform("camera_from_model"), 1, GL_FALSE, camera_from_frame.matrix().data());
     meshes.draw_once(GlShadows::receiver(shadow, instance.tint.a), camera_from_frame, the_lens, kShadowCoarseness);
   }
-  shadows.collect();
 }
 
 void SceneRenderer::Implementation::draw_meshes(const DrawList& list, const GlLens& the_lens) {
@@ -217,6 +219,7 @@ void SceneRenderer::Implementation::draw_meshes(const DrawList& list, const GlLe
 
   mesh_program.use();
   the_lens.set_uniforms(mesh_program);
+  occlusion.set_uniforms(mesh_program);
   const Eigen::Vector3f up = list.shadow_plane ? Eigen::Vector3f(list.shadow_plane->R.col(2).cast<float>())
                                                : Eigen::Vector3f(Eigen::Vector3f::UnitZ());
   const Eigen::Vector3f side =
@@ -233,7 +236,7 @@ void SceneRenderer::Implementation::draw_meshes(const DrawList& list, const GlLe
   gl().Enable(GL_DEPTH_TEST);
   gl().DepthFunc(GL_LEQUAL);
   gl().CullFace(GL_BACK);
-  const auto draw_item = [&](const Item& item) {
+  const auto draw_item = [&](const Item& item, bool one_side) {
     const DrawColour& tint = item.instance->tint;
     const Eigen::Matrix3f linear = item.instance->world_from_model.linear();
     const float determinant = linear.determinant();
@@ -244,7 +247,7 @@ void SceneRenderer::Implementation::draw_meshes(const DrawList& list, const GlLe
     gl().UniformMatrix4fv(pose_at, 1, GL_FALSE, item.camera_from_model.matrix().data());
     gl().UniformMatrix3fv(normal_at, 1, GL_FALSE, normals.data());
     gl().FrontFace(determinant < 0 ? GL_CW : GL_CCW);
-    if (item.instance->mesh->two_sided) {
+    if (item.instance->mesh->two_sided && !one_side) {
       gl().Disable(GL_CULL_FACE);
     } else {
       gl().Enable(GL_CULL_FACE);
@@ -252,12 +255,33 @@ void SceneRenderer::Implementation::draw_meshes(const DrawList& list, const GlLe
     (item.entry->texture.id() != 0 ? item.entry->texture : white).bind(0);
     meshes.draw(*item.entry, *item.instance->mesh, item.camera_from_model, the_lens);
   };
+  // What one sees through a thing of its own inside lies behind its front.
+  const auto draw_see_through = [&](const Item& item) {
+    if (item.instance->mesh->two_sided) {
+      gl().CullFace(GL_FRONT);
+      draw_item(item, true);
+      gl().CullFace(GL_BACK);
+    }
+    draw_item(item, true);
+  };
   gl().DepthMask(GL_TRUE);
-  for (const Item& item : solid) draw_item(item);
+  for (const Item& item : solid) draw_item(item, false);
   gl().DepthMask(GL_FALSE);
-  for (const Item& item : see_through) draw_item(item);
+  for (const Item& item : see_through) draw_see_through(item);
   gl().Disable(GL_CULL_FACE);
   gl().FrontFace(GL_CCW);
+}
+
+void SceneRenderer::Implementation::draw_sprites(const DrawList& list, const GlLens& the_lens) {
+  if (list.sprites.empty()) return;
+  sprite_program.use();
+  the_lens.set_uniforms(sprite_program);
+  occlusion.set_uniforms(sprite_program);
+  gl().Enable(GL_DEPTH_TEST);
+  gl().DepthFunc(GL_LEQUAL);
+  gl().DepthMask(GL_FALSE);
+  gl().Disable(GL_CULL_FACE);
+  sprites.draw(sprite_squares(list.sprites, *list.camera_from_world));
 }
 
 void SceneRenderer::Implementation::draw_strokes(const Strokes& batch, const Viewport& viewport) {

@@ -72,9 +72,9 @@ class SyntheticScene {
   std::vector<std::shared_ptr<const Texture>> textures_;
 };
 
-// Scenes by name: "desk", "walls", "repeat", "blank", "room". The same name and seed give the same scene, and one that
-// is still in use somewhere is shared instead of being painted again. Callable from any thread. CHECK on any other
-// name.
+// Scenes by name: "desk", "walls", "repeat", "blank", "room", "board", "circle board". The same name and seed give the
+// same scene, and one that is still in use somewhere is shared instead of being painted again. Callable from any
+// thread. CHECK on any other name.
 std::shared_ptr<const SyntheticScene> synthetic_scene(const std::string& name, std::uint64_t seed);
 
 }  // namespace parallax

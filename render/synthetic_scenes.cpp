@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/check.h"
+#include "render/synthetic_board.h"
 #include "render/synthetic_paint.h"
 
 namespace parallax {
@@ -135,6 +136,8 @@ SyntheticScene build_synthetic_scene(const std::string& name, std::uint64_t seed
   if (name == "walls") return build_walls_scene(seed);
   if (name == "repeat") return build_repeat_scene(seed);
   if (name == "blank") return build_blank_scene();
+  if (name == "board") return build_board_scene(seed, SyntheticBoardKind::chessboard);
+  if (name == "circle board") return build_board_scene(seed, SyntheticBoardKind::circles);
   PARALLAX_CHECK(name == "room", "no such scene: " + name);
   return build_room_scene(seed);
 }

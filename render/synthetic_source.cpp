@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "render/synthetic_board.h"
 #include "render/synthetic_raycaster.h"
 #include "render/synthetic_sensor.h"
 
@@ -40,7 +41,7 @@ constexpr Preset kPresets[] = {
     {"desk", "desk", 400, 0.010, 2.0, 0.15},     {"walls", "walls", 600, 0.0, 1.0, 0.0},
     {"shakes", "desk", 900, 0.014, 2.0, 0.15},   {"repeat", "repeat", 400, 0.008, 2.0, 0.1},
     {"rotation", "desk", 300, 0.008, 2.0, 0.15}, {"blank", "blank", 150, 0.008, 1.0, 0.0},
-    {"room", "room", 1800, 0.008, 1.5, 0.1},
+    {"room", "room", 1800, 0.008, 1.5, 0.1},     {"board", "board", 480, 0.008, 2.0, 0.15},
 };
 
 SyntheticMotion motion_of(const std::string& name, const SyntheticOptions& options) {
@@ -48,6 +49,7 @@ SyntheticMotion motion_of(const std::string& name, const SyntheticOptions& optio
   if (name == "shakes") return shakes_motion(options.seed);
   if (name == "rotation") return rotation_motion(options.seed);
   if (name == "room") return room_motion(options.seed);
+  if (name == "board") return board_motion(options.camera, options.seed);
   return desk_motion(options.seed);
 }
 
@@ -94,9 +96,13 @@ void set_key(const std::string& name, const std::string& key, const std::string&
     const int w = parse_number(name, key, value.substr(0, x), 64, 4096, expected);
     const int h = parse_number(name, key, value.substr(x + 1), 48, 3072, expected);
     o->camera = o->camera.scaled(w, h);
+  } else if (key == "target" && name == "board") {
+    if (value != "chessboard" && value != "circles") bad_value(name, key, value, "chessboard or circles");
+    o->scene = value == "chessboard" ? "board" : "circle board";
   } else {
     throw InputError("synthetic:" + name + ": unknown key '" + key +
-                     "', expected one of seed, frames, lens, size, noise, blur, threads");
+                     "', expected one of seed, frames, lens, size, noise, blur, threads" +
+                     (name == "board" ? ", target" : ""));
   }
 }
 

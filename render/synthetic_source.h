@@ -8,8 +8,10 @@
 //   rotation  above the desk, turning on the spot only
 //   blank     nothing but one grey
 //   room      circling in a furnished room, for as long as one likes
+//   board     a calibration board on a table, visited as for a calibration, still at every view (synthetic_board.h)
 // Keys: seed (scene, motion and noise), frames, lens (pinhole, radtan, kannala_brandt, fov: another lens of about the
-// same width), size (WIDTHxHEIGHT), noise (grey levels), blur (exposure time, milliseconds), threads.
+// same width), size (WIDTHxHEIGHT), noise (grey levels), blur (exposure time, milliseconds), threads; of `board` also
+// target (chessboard or circles).
 //
 // Frames are a pure function of name and index: the same on every machine run after run, in any order, with any number
 // of threads, whether or not colour is asked for. Stamped poses are those of the middle of the exposure. World: z up,
