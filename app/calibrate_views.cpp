@@ -10,10 +10,12 @@
 #include <memory>
 
 #include "app/progress_bar.h"
+#include "app/source.h"
 #include "camera/frame_source.h"
 #include "camera/image_file.h"
 #include "camera/live_camera.h"
 #include "core/error.h"
+#include "render/synthetic_source.h"
 
 namespace parallax {
 namespace {
@@ -23,9 +25,9 @@ namespace fs = std::filesystem;
 // Folders with more images than this are recordings, whose frames are chosen from.
 constexpr int most_plain_images = 100;
 
-bool is_pattern(const std::string& source) { return source.find_first_of("*?") != std::string::npos; }
-
-bool is_live(const std::string& source) { return source.starts_with("v4l2:") || source.starts_with("libcamera:"); }
+bool is_pattern(const std::string& source) {
+  return !source.starts_with("synthetic:") && source.find_first_of("*?") != std::string::npos;
+}
 
 std::vector<std::string> expand(const std::string& pattern) {
   glob_t found{};
@@ -100,7 +102,12 @@ OpenedImages open_images(const std::vector<std::string>& sources) {
     }
   }
   if (paths.empty()) {
-    out.frames = open_frame_source(sources.at(0), {});
+    const std::string& source = sources.at(0);
+    if (source.starts_with("synthetic:")) {
+      out.frames = open_synthetic_source(source);
+    } else {
+      out.frames = open_frame_source(source, {});
+    }
     return out;
   }
   for (const auto& path : paths) out.names.push_back(fs::path(path).filename().string());
@@ -190,11 +197,11 @@ GatheredViews gather_frames(const CalibrateSettings& settings) {
 }  // namespace
 
 GatheredViews gather_views(const CalibrateSettings& settings) {
-  GatheredViews out = is_live(settings.sources.at(0)) ? gather_live(settings) : gather_frames(settings);
+  GatheredViews out = names_camera(settings.sources.at(0)) ? gather_live(settings) : gather_frames(settings);
   if (out.data.views.size() < 2)
-    throw InputError(settings.sources[0] + ": found a " + board_words(settings.target) + " in " +
-                     std::to_string(out.data.views.size()) + " of " + std::to_string(out.frames) +
-                     " images, expected it in 10 or more (--target and --board say what it is)");
+    throw RunError(settings.sources[0] + ": found a " + board_words(settings.target) + " in " +
+                   std::to_string(out.data.views.size()) + " of " + std::to_string(out.frames) +
+                   " images, expected it in 10 or more (--target and --board say what it is)");
   return out;
 }
 
@@ -229,9 +236,9 @@ GatheredPairs gather_pairs(const CalibrateSettings& settings) {
     say_warnings(images.frames.get());
     out.frames = std::max(out.frames, frames);
     if (seen < 3)
-      throw InputError(source + ": found a " + board_words(settings.target) + " in " + std::to_string(seen) + " of " +
-                       std::to_string(frames) +
-                       " images, expected it in 10 or more (--target and --board say what it is)");
+      throw RunError(source + ": found a " + board_words(settings.target) + " in " + std::to_string(seen) + " of " +
+                     std::to_string(frames) +
+                     " images, expected it in 10 or more (--target and --board say what it is)");
   }
   for (auto& [index, view] : views) out.data.views.push_back(std::move(view));
   return out;

@@ -17,8 +17,9 @@ struct GatheredViews {
   std::vector<std::string> unused;  // names of images without the target
 };
 
-// From image files, a pattern ("left*.jpg"), a folder, a video or a live camera. Says on stderr how far it is, and to a
-// live user what view is wanted. Throws InputError when there is nothing to read or no target in it.
+// From image files, a pattern ("left*.jpg"), a folder, a video, a synthetic sequence or a live camera. Says on stderr
+// how far it is, and to a live user what view is wanted. Throws InputError when there is nothing to read, RunError when
+// there is no target in it.
 GatheredViews gather_views(const CalibrateSettings& settings);
 
 struct GatheredPairs {

@@ -141,6 +141,7 @@ void write_report_json(const RunResult& result, const ReportContext& context, co
       {"pose", to_json(percentiles(collect(result, [](const auto& r) { return r.times.pose; })))},
       {"total", to_json(percentiles(collect(result, [](const auto& r) { return r.times.total; })))},
       {"cpu", to_json(percentiles(collect(result, [](const auto& r) { return r.times.cpu; })))}};
+  report["slowest_frame_ms"] = {{"total", c.slowest_ms}, {"cpu", c.slowest_cpu_ms}};
   report["mapping"] = {{"keyframes_inserted", result.mapper.keyframes_inserted},
                        {"keyframes_refused", result.mapper.keyframes_refused},
                        {"keyframes_rejected", result.mapper.keyframes_rejected},

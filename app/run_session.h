@@ -40,6 +40,8 @@ struct RunOptions {
 struct FrameCounts {
   int tracked = 0, good = 0, poor = 0, lost = 0, relocalised = 0, losses = 0, before_map = 0;
   bool lost_now = false;  // as of the last frame
+  // Of all frames: the longest that one took, by the clock and in processor time.
+  float slowest_ms = 0, slowest_cpu_ms = 0;
   void add(const TrackingResult& result);
 };
 

@@ -50,6 +50,8 @@ void keep_pose(const TrackingResult& result, RunResult* out) {
 }  // namespace
 
 void FrameCounts::add(const TrackingResult& result) {
+  slowest_ms = std::max(slowest_ms, result.times.total);
+  slowest_cpu_ms = std::max(slowest_cpu_ms, result.times.cpu);
   if (result.camera_from_world) {
     ++tracked;
     ++(result.quality == TrackingQuality::good ? good : poor);

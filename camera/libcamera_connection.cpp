@@ -66,7 +66,7 @@ void LibcameraConnection::configure(const LiveCameraOptions& options) {
   configuration_ = camera_->generateConfiguration({lc::StreamRole::Viewfinder});
   if (!configuration_ || configuration_->empty()) throw InputError(facts_.source + ": has no stream to look at");
   auto& stream = configuration_->at(0);
-  const auto formats = libcamera_formats(stream);
+  const auto formats = libcamera_formats(stream, {options.width, options.height});
   for (const auto& mode : rank_modes(formats, options)) {
     stream.pixelFormat = libcamera_format_of(mode.format);
     stream.size = lc::Size(static_cast<unsigned int>(mode.width), static_cast<unsigned int>(mode.height));

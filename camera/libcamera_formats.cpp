@@ -4,10 +4,12 @@
 
 #include <libcamera/logging.h>
 
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <cmath>
 #include <condition_variable>
+#include <cstdlib>
 #include <mutex>
 #include <utility>
 
@@ -77,8 +79,9 @@ std::shared_ptr<libcamera::CameraManager> libcamera_manager() {
   std::unique_lock lock(shared.mutex);
   if (auto manager = shared.manager.lock()) return manager;
   shared.condition.wait(lock, [] { return !shared.exists; });
-  // Its log goes to the console otherwise; LIBCAMERA_LOG_FILE still writes it to a file.
-  static const bool quiet = libcamera::logSetTarget(libcamera::LoggingTargetNone) == 0;
+  // Its log goes to the console unless its user has asked for a file.
+  static const bool quiet =
+      std::getenv("LIBCAMERA_LOG_FILE") == nullptr && libcamera::logSetTarget(libcamera::LoggingTargetNone) == 0;
   (void)quiet;
   auto started = std::make_unique<libcamera::CameraManager>();
   if (started->start() != 0) throw InputError("libcamera: cannot be started");
@@ -106,11 +109,16 @@ libcamera::PixelFormat libcamera_format_of(PixelFormat format) {
   return {};
 }
 
-std::vector<CameraFormat> libcamera_formats(const libcamera::StreamConfiguration& stream) {
+std::vector<CameraFormat> libcamera_formats(const libcamera::StreamConfiguration& stream, ImageSize wanted) {
   std::vector<CameraFormat> formats;
+  const libcamera::Size also(static_cast<unsigned int>(wanted.width), static_cast<unsigned int>(wanted.height));
   for (const auto& theirs : stream.formats().pixelformats()) {
     const auto ours = pixel_format_of(theirs);
-    for (const auto& size : stream.formats().sizes(theirs)) {
+    auto sizes = stream.formats().sizes(theirs);
+    if (std::find(sizes.begin(), sizes.end(), also) == sizes.end() && stream.formats().range(theirs).contains(also)) {
+      sizes.push_back(also);
+    }
+    for (const auto& size : sizes) {
       CameraFormat format;
       format.pixel_format = ours ? fourcc_text(fourcc_of(*ours)) : theirs.toString();
       format.width = static_cast<int>(size.width);

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "camera/image_file.h"
 #include "camera/live_camera.h"
 #include "camera/pixel_format.h"
 
@@ -21,8 +22,9 @@ std::shared_ptr<libcamera::CameraManager> libcamera_manager();
 std::optional<PixelFormat> pixel_format_of(const libcamera::PixelFormat& format);
 libcamera::PixelFormat libcamera_format_of(PixelFormat format);
 
-// Formats under V4L2's names, where this program knows them. libcamera lists no rates.
-std::vector<CameraFormat> libcamera_formats(const libcamera::StreamConfiguration& stream);
+// Formats under V4L2's names, where this program knows them. Of ranges of sizes, those that libcamera lists and the
+// `wanted` one. libcamera lists no rates.
+std::vector<CameraFormat> libcamera_formats(const libcamera::StreamConfiguration& stream, ImageSize wanted = {});
 
 // Switches, integers, and numbers with a point (in thousandths, with "_milli" at the end of the name). The names are
 // libcamera's in lower case with underscores: ae_enable, exposure_time, analogue_gain_milli.

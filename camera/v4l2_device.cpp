@@ -35,6 +35,9 @@ std::string v4l2_problem(const std::string& path, int error, const std::string& 
              "permission denied: add yourself to the `video` group (sudo usermod -aG video $USER) and log in again";
     case EBUSY:
       return where + "busy: another program is using the camera; close it and try again";
+    case EPIPE:
+      return where +
+             "is one part of several that have to be set up together, which only libcamera does: use libcamera:";
     default:
       return where + doing + " failed: " + std::strerror(error < 0 ? -error : error);
   }

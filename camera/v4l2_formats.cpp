@@ -48,12 +48,19 @@ std::vector<double> rates_of(const V4l2Device& device, std::uint32_t code, Image
   return {rates.begin(), rates.end()};
 }
 
-bool on_step(int value, __u32 minimum, __u32 maximum, __u32 step) {
-  const auto at = static_cast<__u32>(value);
-  return at >= minimum && at <= maximum && (at - minimum) % std::max<__u32>(step, 1) == 0;
+// The largest value up to `wanted` that a range goes through.
+__u32 on_step(int wanted, __u32 minimum, __u32 maximum, __u32 step) {
+  const __u32 value = std::clamp(static_cast<__u32>(std::max(wanted, 0)), minimum, std::max(minimum, maximum));
+  return value - (value - minimum) % std::max<__u32>(step, 1);
 }
 
-std::vector<ImageSize> sizes_of(const V4l2Device& device, std::uint32_t code) {
+bool is_within(const ImageSize& size, const v4l2_frmsize_stepwise& range) {
+  const auto width = static_cast<__u32>(std::max(size.width, 0)), height = static_cast<__u32>(std::max(size.height, 0));
+  return width >= range.min_width && width <= range.max_width && height >= range.min_height &&
+         height <= range.max_height;
+}
+
+std::vector<ImageSize> sizes_of(const V4l2Device& device, std::uint32_t code, ImageSize wanted) {
   std::vector<ImageSize> sizes;
   const auto add = [&sizes](__u32 width, __u32 height) {
     constexpr __u32 sane = 1 << 15;
@@ -73,12 +80,13 @@ std::vector<ImageSize> sizes_of(const V4l2Device& device, std::uint32_t code) {
     }
     const auto& range = entry.stepwise;
     add(range.min_width, range.min_height);
-    for (const auto& size : kCustomarySizes) {
-      if (on_step(size.width, range.min_width, range.max_width, range.step_width) &&
-          on_step(size.height, range.min_height, range.max_height, range.step_height)) {
-        add(static_cast<__u32>(size.width), static_cast<__u32>(size.height));
-      }
-    }
+    const auto add_within = [&](const ImageSize& size) {
+      if (!is_within(size, range)) return;
+      add(on_step(size.width, range.min_width, range.max_width, range.step_width),
+          on_step(size.height, range.min_height, range.max_height, range.step_height));
+    };
+    for (const auto& size : kCustomarySizes) add_within(size);
+    add_within(wanted);
     add(range.max_width, range.max_height);
     break;
   }
@@ -144,14 +152,14 @@ int try_mode(const V4l2Device& device, V4l2Mode* mode) {
 
 }  // namespace
 
-std::vector<CameraFormat> v4l2_formats(const V4l2Device& device) {
+std::vector<CameraFormat> v4l2_formats(const V4l2Device& device, ImageSize wanted) {
   std::vector<CameraFormat> formats;
   for (__u32 i = 0; i < kMaxEntries; ++i) {
     v4l2_fmtdesc description{};
     description.index = i;
     description.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
     if (device.ioctl(VIDIOC_ENUM_FMT, &description) < 0) break;
-    for (const auto& size : sizes_of(device, description.pixelformat)) {
+    for (const auto& size : sizes_of(device, description.pixelformat, wanted)) {
       CameraFormat format;
       format.pixel_format = fourcc_text(description.pixelformat);
       format.width = size.width;
@@ -190,7 +198,7 @@ std::vector<V4l2Mode> rank_modes(const std::vector<CameraFormat>& formats, const
 }
 
 V4l2Mode set_best_mode(const V4l2Device& device, const LiveCameraOptions& options) {
-  const auto formats = v4l2_formats(device);
+  const auto formats = v4l2_formats(device, {options.width, options.height});
   for (auto& mode : rank_modes(formats, options)) {
     const int error = try_mode(device, &mode);
     if (error >= 0) return mode;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "camera/image_file.h"
 #include "camera/live_camera.h"
 #include "camera/pixel_format.h"
 #include "camera/v4l2_device.h"
@@ -21,8 +22,8 @@ struct V4l2Mode {
 };
 
 // All formats, sizes and rates, in the driver's order. Of sizes and rates that go by steps, the customary ones in the
-// range are listed. Rates fall.
-std::vector<CameraFormat> v4l2_formats(const V4l2Device& device);
+// range are listed, and of sizes the `wanted` one, each down to the nearest step. Rates fall.
+std::vector<CameraFormat> v4l2_formats(const V4l2Device& device, ImageSize wanted = {});
 
 // The usable modes, the best first: the size nearest to the one wanted; then the rate wanted, or else the highest;
 // then the format that costs least (options.colour: grey formats last). Pure.

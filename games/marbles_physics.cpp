@@ -1,5 +1,6 @@
 #include "games/marbles_physics.h"
 
+#include <BulletCollision/CollisionDispatch/btSimulationIslandManager.h>
 #include <btBulletDynamicsCommon.h>
 
 #include <algorithm>
@@ -14,17 +15,22 @@ namespace {
 constexpr float kTableThickness = 3;   // marbles that have fallen pass below its rim
 constexpr float kObstacleDepth = 0.5f;  // blocks reach into the table, so that no gap is left
 constexpr float kMarbleMass = 1;
-// A sphere a little smaller than the marble is swept along fast motions: it stops at walls, not at the table it rolls on.
-constexpr float kSweptRadius = 0.94f * kMarbleRadius;
-constexpr float kSweptFrom = 0.04f * kMarbleRadius;  // motions of a substep longer than this are swept
-constexpr float kKnockSpeed = 1.0f;                  // changes of speed below this make no sound
+// No marble moves further than this in a substep: what it may enter a wall by, and no wall is thin enough to be missed.
+// (Sweeping shapes along the motion would do too, but what Bullet finds then depends on the history of its trees.)
+constexpr float kLongestMotion = 0.08f * kMarbleRadius;
+constexpr int kFewestSubsteps = 2;
+constexpr float kKnockSpeed = 1.0f;  // changes of speed below this make no sound
+// Contacts are solved when bodies touch, not a little before: the blocks of a wall have seams, and a marble that is
+// slowed down by an edge it would only have passed over hops.
+constexpr float kContactFrom = 0;
 
 btVector3 to_bullet(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
 Eigen::Vector3f from_bullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 
 }  // namespace
 
-// The table stays; marbles are put in for a step and taken out after it.
+// The table stays; marbles are put in for a substep and taken out after it, and with them whatever Bullet remembers of
+// their contacts.
 struct MarblePhysics::World {
   btDefaultCollisionConfiguration configuration;
   btCollisionDispatcher dispatcher{&configuration};
@@ -42,7 +48,8 @@ struct MarblePhysics::World {
     dynamics.getSimulationIslandManager()->setSplitIslands(false);
     dynamics.setForceUpdateAllAabbs(false);
     btContactSolverInfo& info = dynamics.getSolverInfo();
-    info.m_solverMode = SOLVER_SIMD | SOLVER_USE_2_FRICTION_DIRECTIONS;
+    info.m_solverMode = SOLVER_SIMD | SOLVER_USE_2_FRICTION_DIRECTIONS | SOLVER_USE_WARMSTARTING;
+    info.m_warmstartingFactor = 0;  // the impulses are only kept to be told
     info.m_numIterations = 20;
     info.m_splitImpulse = true;
     info.m_splitImpulsePenetrationThreshold = 0;  // taking bodies apart gives them no speed
@@ -77,8 +84,7 @@ struct MarblePhysics::World {
     body->setLinearVelocity(to_bullet(marble.velocity));
     body->setAngularVelocity(to_bullet(marble.spin));
     body->setActivationState(DISABLE_DEACTIVATION);
-    body->setCcdMotionThreshold(kSweptFrom);
-    body->setCcdSweptSphereRadius(kSweptRadius);
+    body->setContactProcessingThreshold(kContactFrom);
     dynamics.addRigidBody(body.get());
     body->setGravity(to_bullet(gravity));
     marbles.push_back(std::move(body));
@@ -87,6 +93,20 @@ struct MarblePhysics::World {
   void take_marbles_out() {
     for (auto body = marbles.rbegin(); body != marbles.rend(); ++body) dynamics.removeRigidBody(body->get());
     marbles.clear();
+  }
+
+  void read_back(float kept, std::vector<MarbleMotion>* out) const {
+    for (std::size_t i = 0; i < marbles.size(); ++i) {
+      const btRigidBody& body = *marbles[i];
+      MarbleMotion& marble = (*out)[i];
+      const float speed = body.getLinearVelocity().length();
+      const float share = kept * std::min(1.0f, kMarbleGreatestSpeed / std::max(speed, 1e-6f));
+      marble.position = from_bullet(body.getWorldTransform().getOrigin());
+      marble.velocity = share * from_bullet(body.getLinearVelocity());
+      marble.spin = share * from_bullet(body.getAngularVelocity());
+      const btQuaternion q = body.getWorldTransform().getRotation();
+      marble.rotation = Eigen::Quaternionf(q.w(), q.x(), q.y(), q.z()).normalized();
+    }
   }
 
   int marble_of(const btCollisionObject* object) const {
@@ -111,9 +131,7 @@ struct MarblePhysics::World {
 };
 
 MarblePhysics::MarblePhysics(const MarblePhysicsOptions& options)
-    : options_(options), world_(std::make_unique<World>()) {
-  PARALLAX_CHECK(options.substeps > 0, "marbles: no substeps");
-}
+    : options_(options), world_(std::make_unique<World>()) {}
 
 MarblePhysics::~MarblePhysics() = default;
 
@@ -162,33 +180,21 @@ void MarblePhysics::set_table(const Table& table) {
 void MarblePhysics::step(const Eigen::Vector3f& gravity, std::vector<MarbleMotion>* marbles,
                          std::vector<MarbleKnock>* knocks) {
   if (marbles->empty()) return;
-  World& world = *world_;
-  world.solver.reset();
-  for (const MarbleMotion& marble : *marbles) world.put_marble_in(marble, gravity, options_);
-
-  const float step_s = static_cast<float>(kGameTick_s) / static_cast<float>(options_.substeps);
-  const float kept = std::max(0.0f, 1 - options_.resistance * step_s);
-  for (int substep = 0; substep < options_.substeps; ++substep) {
-    world.dynamics.stepSimulation(step_s, 0);
-    if (knocks) world.collect_knocks(knocks);
-    for (const auto& body : world.marbles) {
-      const float speed = body->getLinearVelocity().length();
-      const float share = kept * std::min(1.0f, kMarbleGreatestSpeed / std::max(speed, 1e-6f));
-      body->setLinearVelocity(share * body->getLinearVelocity());
-      body->setAngularVelocity(share * body->getAngularVelocity());
-    }
+  // Held to its greatest speed, a marble is never faster than this; what it gains on the way is in the least number.
+  float fastest = 0;
+  for (const MarbleMotion& marble : *marbles) fastest = std::max(fastest, marble.velocity.norm());
+  const float tick_s = static_cast<float>(kGameTick_s);
+  const float motion = std::min(fastest, kMarbleGreatestSpeed) * tick_s;
+  const int substeps = std::max(kFewestSubsteps, static_cast<int>(std::ceil(motion / kLongestMotion)));
+  const float step_s = tick_s / static_cast<float>(substeps);
+  for (int substep = 0; substep < substeps; ++substep) {
+    for (const MarbleMotion& marble : *marbles) world_->put_marble_in(marble, gravity, options_);
+    world_->solver.reset();
+    world_->dynamics.stepSimulation(step_s, 0);
+    if (knocks) world_->collect_knocks(knocks);
+    world_->read_back(std::max(0.0f, 1 - options_.resistance * step_s), marbles);
+    world_->take_marbles_out();
   }
-
-  for (std::size_t i = 0; i < marbles->size(); ++i) {
-    const btRigidBody& body = *world.marbles[i];
-    MarbleMotion& marble = (*marbles)[i];
-    marble.position = from_bullet(body.getWorldTransform().getOrigin());
-    marble.velocity = from_bullet(body.getLinearVelocity());
-    marble.spin = from_bullet(body.getAngularVelocity());
-    const btQuaternion q = body.getWorldTransform().getRotation();
-    marble.rotation = Eigen::Quaternionf(q.w(), q.x(), q.y(), q.z()).normalized();
-  }
-  world.take_marbles_out();
 }
 
 }  // namespace parallax

@@ -15,7 +15,7 @@ namespace parallax {
 
 inline constexpr float kMarbleRadius = 0.5f;
 // Marbles are held to this speed: faster than anything in the game needs.
-inline constexpr float kMarbleGreatestSpeed = 60;
+inline constexpr float kMarbleGreatestSpeed = 50;
 
 struct MarbleMotion {
   Eigen::Vector3f position = Eigen::Vector3f::Zero();  // of the centre
@@ -56,7 +56,6 @@ struct MarblePhysicsOptions {
   float marble_restitution = 0.9f;
   float table_restitution = 0.35f;    // of a contact: the product with the marble's
   float obstacle_restitution = 0.6f;  // likewise
-  int substeps = 2;                   // of a tick
 };
 
 class MarblePhysics {

@@ -293,7 +293,9 @@ const Ground::Entry& Ground::entry_towards(double angle) const {
                                       [](const Entry& entry, double value) { return entry.angle < value; });
   const Entry& next = after == entries_.end() ? entries_.front() : *after;
   const Entry& before = after == entries_.begin() ? entries_.back() : *(after - 1);
-  const auto off = [turn](const Entry& entry) { return std::abs(std::remainder(entry.angle - turn, 2 * std::numbers::pi)); };
+  const auto off = [turn](const Entry& entry) {
+    return std::abs(std::remainder(entry.angle - turn, 2 * std::numbers::pi));
+  };
   return off(before) <= off(next) ? before : next;
 }
 

@@ -1,5 +1,5 @@
-// Where one can walk: the mapped part of the plane without the real things that stand on it, as a grid of cells, with the
-// way from everywhere to one goal.
+// Where one can walk: the mapped part of the plane without the real things that stand on it, as a grid of cells, with
+// the way from everywhere to one goal.
 //
 // Units of the field's radius (games/swarm_state.h). A cell is walkable when its centre lies within the outline and no
 // obstacle is in it or in one of its eight neighbours, and when it is connected with the largest such part of the
@@ -50,6 +50,7 @@ class Ground {
   const Entry& entry_towards(double angle) const;
   const std::vector<Entry>& entries() const { return entries_; }
   Eigen::Vector2d middle() const { return middle_; }
+  double radius_m() const { return radius_m_; }
   // Of the walkable cells and the heights.
   std::uint64_t hash() const { return hash_; }
 

@@ -1,5 +1,5 @@
-// The numbers of Swarm: sizes, speeds, damage, points, waves. Lengths are in units of the field's radius, times in ticks
-// unless the name says otherwise.
+// The numbers of Swarm: sizes, speeds, damage, points, waves. Lengths are in units of the field's radius, times in
+// ticks unless the name says otherwise.
 #pragma once
 
 #include <array>
@@ -52,8 +52,8 @@ inline constexpr double kClimbDepth = 0.1;   // below the edge, where it starts
 inline constexpr double kClimbReach = 0.05;  // outside the edge
 inline constexpr double kBiteReach = 0.115;
 inline constexpr int kBiteRest = ticks(0.8);
-inline constexpr double kFlankRing = 0.5;       // the distance at which a flanker goes round
-inline constexpr double kFlankAngle = 1.8;      // off the line of fire, from where it charges (103 degrees)
+inline constexpr double kFlankRing = 0.5;        // the distance at which a flanker goes round
+inline constexpr double kFlankAngle = 1.8;       // off the line of fire, from where it charges (103 degrees)
 inline constexpr int kFlankPatience = ticks(7);  // and then it charges from wherever it is
 inline constexpr double kLeapFrom = 0.5;
 inline constexpr int kCrouch = ticks(0.35);

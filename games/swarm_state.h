@@ -1,7 +1,7 @@
 // The state of a game of Swarm, as plain data: everything that has an effect on what comes, and nothing else.
 //
-// Frame: the plane's (z up, the table is z = 0), in units of the field's radius, so that a map that is scaled scales the
-// game with it. Times are ticks of kGameTick_s, speeds units a second. Directions and headings are in the plane,
+// Frame: the plane's (z up, the table is z = 0), in units of the field's radius, so that a map that is scaled scales
+// the game with it. Times are ticks of kGameTick_s, speeds units a second. Directions and headings are in the plane,
 // radians, counter-clockwise from x.
 #pragma once
 
@@ -56,12 +56,12 @@ struct Robot {
   Eigen::Vector2d position = Eigen::Vector2d::Zero();
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();
   double heading = 0;
-  double rolled = 0;                                  // the way its wheels have gone
-  Eigen::Vector2d aim = Eigen::Vector2d::UnitX();     // unit length: where a bolt would go
-  Eigen::Vector2d right = Eigen::Vector2d::UnitX();   // unit length: to the right as the player sees the table
-  Eigen::Vector2d sight = Eigen::Vector2d::UnitX();   // where the camera's optical axis meets the plane
-  Eigen::Vector2d reticle = Eigen::Vector2d::UnitX(); // where it shoots: the sight, steered and assisted
-  double steer = 0;                                   // angle by which the dial has turned the reticle (seated)
+  double rolled = 0;                                   // the way its wheels have gone
+  Eigen::Vector2d aim = Eigen::Vector2d::UnitX();      // unit length: where a bolt would go
+  Eigen::Vector2d right = Eigen::Vector2d::UnitX();    // unit length: to the right as the player sees the table
+  Eigen::Vector2d sight = Eigen::Vector2d::UnitX();    // where the camera's optical axis meets the plane
+  Eigen::Vector2d reticle = Eigen::Vector2d::UnitX();  // where it shoots: the sight, steered and assisted
+  double steer = 0;                                    // angle by which the dial has turned the reticle (seated)
   int health = 100;
   int reload_ticks = 0, rapid_ticks = 0, shield_ticks = 0, hurt_ticks = 0;
   int bombs = 0;

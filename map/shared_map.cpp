@@ -4,7 +4,7 @@
 
 namespace parallax {
 namespace {
-constexpr std::size_t kSamplesKept = 100000;
+constexpr std::size_t kSamplesKept = 20000;
 }
 
 SharedMap::SharedMap() : snapshot_(std::make_shared<TrackingSnapshot>()) {}

@@ -58,7 +58,7 @@ class SharedMap {
   // The map was cleared or made anew: nothing that referred to the old one is valid (mapper only).
   void note_new_map() PARALLAX_EXCLUDES(snapshot_mutex_);
 
-  // Waits and holds of the map's lock since the start (the newest hundred thousand at least), and waits for the
+  // Waits and holds of the map's lock since the start (the newest 20,000 at least), and waits for the
   // snapshot pointer alone.
   LockTimes lock_times() const PARALLAX_EXCLUDES(times_mutex_);
   std::vector<float> snapshot_waits_ms() const PARALLAX_EXCLUDES(times_mutex_);

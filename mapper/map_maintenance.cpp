@@ -1,6 +1,7 @@
 #include "mapper/map_maintenance.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 
@@ -142,16 +143,21 @@ bool cull_redundant_keyframe(SharedMap* map, const CameraModel& camera, const Ma
     KeyframeId worst;
     double worst_part = options.redundant_part;
     if (m.keyframes.size() <= options.cull_above_keyframes) return worst;
+    // By point, how many keyframes measure it at each level or a finer one.
+    std::vector<std::array<std::uint16_t, kPyramidLevels>> measured(static_cast<std::size_t>(m.points.capacity()));
+    for (const Keyframe& kf : m.keyframes) {
+      for (const Measurement& x : kf.measurements) {
+        auto& levels = measured[static_cast<std::size_t>(x.point.index)];
+        for (int level = x.level; level < kPyramidLevels; ++level) ++levels[static_cast<std::size_t>(level)];
+      }
+    }
     for (const Keyframe& kf : m.keyframes) {
       if (kf.fixed || kf.id == newest || kf.measurements.empty()) continue;
       int redundant = 0;
       for (const Measurement& x : kf.measurements) {
-        int others = 0;
-        for (KeyframeId id : m.points.at(x.point).observers) {
-          if (id == kf.id) continue;
-          if (m.keyframes.at(id).find(x.point)->level <= x.level && ++others >= kRedundantObservers) break;
-        }
-        if (others >= kRedundantObservers) ++redundant;
+        const auto& levels = measured[static_cast<std::size_t>(x.point.index)];
+        // Its own is one of them.
+        if (levels[static_cast<std::size_t>(x.level)] > kRedundantObservers) ++redundant;
       }
       const double part = static_cast<double>(redundant) / static_cast<double>(kf.measurements.size());
       if (part > worst_part) {
@@ -166,9 +172,7 @@ bool cull_redundant_keyframe(SharedMap* map, const CameraModel& camera, const Ma
   return true;
 }
 
-int merge_duplicates(SharedMap* map, const CameraModel& camera, const MapperOptions& options, KeyframeId keyframe) {
-  (void)camera;
-  (void)options;
+int merge_duplicates(SharedMap* map, KeyframeId keyframe) {
   struct Pair {
     PointId keep, drop;
   };

@@ -26,6 +26,6 @@ bool cull_redundant_keyframe(SharedMap* map, const CameraModel& camera, const Ma
 // Points measured within a pixel or so of each other in the keyframe and at the same depth are one point: the better
 // measured stays, and is to be looked for where only the other was measured (refined_everywhere is cleared). Returns
 // how many were merged.
-int merge_duplicates(SharedMap* map, const CameraModel& camera, const MapperOptions& options, KeyframeId keyframe);
+int merge_duplicates(SharedMap* map, KeyframeId keyframe);
 
 }  // namespace parallax

@@ -24,7 +24,7 @@ constexpr int kFirstPlaneRefinement = 6, kLastPlaneRefinement = 24;
 // One change of scale.
 constexpr double kMinScale = 1e-3, kMaxScale = 1e3;
 // Times kept for the report.
-constexpr std::size_t kTimesKept = 100000;
+constexpr std::size_t kTimesKept = 20000;
 
 void keep_time(double milliseconds, std::vector<float>* times) {
   append_bounded(static_cast<float>(milliseconds), kTimesKept, times);
@@ -188,7 +188,7 @@ void Mapper::work_until(const Interruption& interrupt) {
   }
   if (upkeep_pending_) {
     upkeep_pending_ = false;
-    const int merged = merge_duplicates(map_, camera_, options_, newest_);
+    const int merged = merge_duplicates(map_, newest_);
     statistics_.points_merged += merged;
     if (merged > 0) association_pending_ = true;
     const std::vector<PointId> turned =

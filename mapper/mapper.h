@@ -23,7 +23,7 @@ struct MapperStatistics {
   int points_made = 0, points_erased = 0, points_merged = 0, measurements_added = 0;
   int normals_changed = 0, measurements_repeated = 0;
   int local_adjustments = 0, global_adjustments = 0, adjustments_interrupted = 0;
-  std::vector<float> insertion_ms, local_ms, global_ms;  // the newest hundred thousand at least
+  std::vector<float> insertion_ms, local_ms, global_ms;  // the newest 20,000 at least
 };
 
 class Mapper {

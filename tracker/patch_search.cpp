@@ -9,8 +9,8 @@ namespace {
 // something else.
 constexpr ResemblanceLimits kResemblance = {.max_rms = 22.0f, .part = 0.6f, .noise_rms = 7.0f};
 
-// Templates of points that are gone are freed when there are more of them than points, and than this.
-constexpr std::size_t kEntriesKept = 1000;
+// Templates of points that are gone are freed when there are more of them than a quarter of the points, and than this.
+constexpr std::size_t kGoneKept = 256;
 
 }  // namespace
 
@@ -35,7 +35,7 @@ const WarpedPatch& PatchSearch::warped(const TrackingSnapshot& map, const Candid
   const auto index = static_cast<std::size_t>(map.id[candidate.row].index);
   if (index >= cache_.size()) cache_.resize(std::max(index + 1, 2 * cache_.size()));
   if (!cache_[index]) {
-    if (entries_ > 2 * map.id.size() + kEntriesKept) forget_absent(map);
+    if (entries_ > map.id.size() + map.id.size() / 4 + kGoneKept) forget_absent(map);
     cache_[index] = std::make_unique<Entry>();
     ++entries_;
   }

@@ -34,6 +34,7 @@ struct FakeFormat {
   std::uint32_t code;
   int width, height;
   std::vector<int> rates;
+  int step = 0;  // sizes from 48x48 to this one go by so many pixels; 0: only this size
 };
 
 struct FakeDevice {
@@ -44,7 +45,9 @@ struct FakeDevice {
   int open_error = 0;  // positive errno
   bool busy = false;   // another program streams
   bool plugged = true;
-  int widen = 0;  // pixels by which it adjusts what it is asked for: -4
+  int widen = 0;        // pixels by which it adjusts what it is asked for: -4
+  int align = 1;        // it makes the size a multiple of this
+  int start_error = 0;  // positive errno of starting the stream
   std::uint32_t extra_stride = 0;
   // What a frame holds; default: all bytes the frame's number.
   std::function<void(std::uint32_t sequence, std::vector<std::uint8_t>& bytes)> paint;
@@ -174,6 +177,7 @@ class FakeV4l2 : public V4l2System {
         device.done.pop_front();
         return 0;
       case VIDIOC_STREAMON:
+        if (device.start_error != 0) return -device.start_error;
         device.streaming = true;
         device.due = now_ + interval_of(device);
         return 0;
@@ -253,6 +257,13 @@ class FakeV4l2 : public V4l2System {
     __u32 index = 0;
     for (const auto& format : device.formats) {
       if (format.code != out->pixel_format || index++ != out->index) continue;
+      if (format.step > 0) {
+        constexpr __u32 least = 48;
+        out->type = format.step == 1 ? V4L2_FRMSIZE_TYPE_CONTINUOUS : V4L2_FRMSIZE_TYPE_STEPWISE;
+        const auto step = static_cast<__u32>(format.step);
+        out->stepwise = {least, static_cast<__u32>(format.width), step, least, static_cast<__u32>(format.height), step};
+        return 0;
+      }
       out->type = V4L2_FRMSIZE_TYPE_DISCRETE;
       out->discrete = {static_cast<__u32>(format.width), static_cast<__u32>(format.height)};
       return 0;
@@ -261,8 +272,9 @@ class FakeV4l2 : public V4l2System {
   }
   static int enumerate(const FakeDevice& device, v4l2_frmivalenum* out) {
     for (const auto& format : device.formats) {
-      if (format.code != out->pixel_format || format.width != static_cast<int>(out->width) ||
-          format.height != static_cast<int>(out->height) || out->index >= format.rates.size()) {
+      const bool has_size = format.step > 0 || (format.width == static_cast<int>(out->width) &&
+                                                format.height == static_cast<int>(out->height));
+      if (format.code != out->pixel_format || !has_size || out->index >= format.rates.size()) {
         continue;
       }
       out->type = V4L2_FRMIVAL_TYPE_DISCRETE;
@@ -276,6 +288,8 @@ class FakeV4l2 : public V4l2System {
     if (device.busy) return -EBUSY;
     auto& pix = out->fmt.pix;
     pix.width = static_cast<__u32>(static_cast<int>(pix.width) + device.widen);
+    pix.width -= pix.width % static_cast<__u32>(device.align);
+    pix.height -= pix.height % static_cast<__u32>(device.align);
     std::uint32_t row = pix.width;
     if (pix.pixelformat == fourcc('Y', 'U', 'Y', 'V')) row *= 2;
     if (pix.pixelformat == fourcc('R', 'G', 'B', '3')) row *= 3;

@@ -171,7 +171,7 @@ TEST_F(MapMaintenanceTest, TwoPointsOfOnePlaceAreMerged) {
     m.add_measurement(newest, x);
   });
   ASSERT_EQ(twins.size(), 6U);
-  const int merged = merge_duplicates(&shared_, desk_views().camera(), MapperOptions(), newest);
+  const int merged = merge_duplicates(&shared_, newest);
   expect_sound();
   const Map m = map();
   EXPECT_GE(merged, 5);
@@ -182,12 +182,12 @@ TEST_F(MapMaintenanceTest, TwoPointsOfOnePlaceAreMerged) {
   }
   EXPECT_LE(kept, 1);
   EXPECT_TRUE(m.points.contains(behind));
-  EXPECT_EQ(merge_duplicates(&shared_, desk_views().camera(), MapperOptions(), {0, 99}), 0);
+  EXPECT_EQ(merge_duplicates(&shared_, {0, 99}), 0);
 }
 
 TEST_F(MapMaintenanceTest, ASoundMapIsNotMerged) {
   const int before = map().points.size();
-  const int merged = merge_duplicates(&shared_, desk_views().camera(), MapperOptions(), {0, 4});
+  const int merged = merge_duplicates(&shared_, {0, 4});
   EXPECT_LE(merged, 0.03 * before);
 }
 
