@@ -53,6 +53,16 @@ std::string cut_to(std::string text, float width) {
   return text;
 }
 
+// As many of the parts of a state line, which two spaces divide, as there is room for.
+std::string whole_parts(std::string text, float width) {
+  while (size_of(text, 0).x > width) {
+    const auto last = text.rfind("  ");
+    if (last == std::string::npos) return cut_to(text, width);
+    text.erase(last);
+  }
+  return text;
+}
+
 float draw_legend(ImDrawList* list, float right, float middle) {
   const float unit = ImGui::GetFontSize();
   for (int level = kPyramidLevels - 1; level >= 0; --level) {
@@ -84,7 +94,7 @@ void draw_state_line(ImDrawList* list, const AugmentedInterface& view) {
     list->AddText({std::floor(std::min(right, x + line_width) + unit), y}, kAmber,
                   cut_to(view.remark, a.width - unit).c_str());
   }
-  list->AddText({std::floor(x), y}, kText, cut_to(line, right - x).c_str());
+  list->AddText({std::floor(x), y}, kText, whole_parts(line, right - x).c_str());
 }
 
 ImU32 colour_of(HintKind kind) {

@@ -1,11 +1,15 @@
 // `parallax calibrate`: a lens or a stereo rig from views of a printed target; prints targets; converts calibrations.
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
 #include <memory>
 #include <string>
+#include <system_error>
 
 #include "app/calibrate_plots.h"
 #include "app/calibrate_report.h"
@@ -116,6 +120,18 @@ void calibrate_stereo_rig(const CalibrateSettings& settings) {
   }
 }
 
+// Before minutes of work are lost for want of a folder.
+void check_can_be_written(const std::string& path) {
+  if (path.empty()) return;
+  namespace fs = std::filesystem;
+  std::error_code none;
+  if (fs::is_directory(path, none)) throw RunError(path + ": cannot be written: it is a folder");
+  if (fs::exists(path, none) && !fs::is_regular_file(path, none)) return;  // written in place, such as /dev/null
+  const fs::path parent = fs::path(path).parent_path();
+  if (::access(parent.empty() ? "." : parent.c_str(), W_OK) != 0)
+    throw RunError(path + ": cannot be written: " + std::generic_category().message(errno));
+}
+
 void calibrate_one(const CalibrateSettings& settings) {
   CalibrateReport report;
   report.views = gather_views(settings);
@@ -158,6 +174,7 @@ void run(CommandLine line) {
   s.request.validate();
   if (!s.print_target.empty()) return print_target(s);
   if (!s.convert.empty()) return convert(s);
+  for (const std::string& path : {s.output, s.report}) check_can_be_written(path);
   if (!s.stereo.empty()) return calibrate_stereo_rig(s);
   if (s.sources.empty()) throw InputError("SOURCE: missing; expected a folder of images, images, a video or a camera");
   calibrate_one(s);
@@ -169,8 +186,9 @@ void add_calibrate_command(CLI::App& app, int* exit_code) {
   CLI::App* calibrate =
       app.add_subcommand("calibrate", "Calibrate a camera or a stereo rig; print targets; convert calibrations");
   calibrate->footer(
-      "SOURCE is a folder of images, image files, a quoted pattern ('left*.jpg'), a video, or a live camera\n"
-      "(v4l2:/dev/video0, libcamera:NAME), of which still, sharp and new views are taken.\n\n"
+      "SOURCE is a folder of images, image files, a quoted pattern ('left*.jpg'), a video, a live camera\n"
+      "(v4l2:/dev/video0, libcamera:NAME), or synthetic:board to try it; still, sharp and new views are taken of "
+      "these.\n\n"
       "  parallax calibrate --print-target chessboard --output board.pdf\n"
       "  parallax calibrate images/ --board 9x6 --square 0.025 --output camera.yaml --plots plots/\n"
       "  parallax calibrate --stereo left/ right/ --board 9x6 --square 0.025 --output rig.yaml\n"

@@ -28,7 +28,9 @@ FirstRunChoice draw_first_run(const std::string& camera) {
   ImGui::Spacing();
   if (ImGui::Button("Go on with an estimated wide-angle lens", button)) choice = FirstRunChoice::estimate;
   ImGui::PushTextWrapPos(0);
-  ImGui::TextDisabled("The state line says so as long as the lens is estimated. It can be calibrated at any time.");
+  ImGui::PushStyleColor(ImGuiCol_Text, {0.75f, 0.77f, 0.8f, 1});
+  ImGui::TextUnformatted("The state line says so as long as the lens is estimated. It can be calibrated at any time.");
+  ImGui::PopStyleColor();
   ImGui::PopTextWrapPos();
   ImGui::End();
   return choice;

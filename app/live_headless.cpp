@@ -84,9 +84,13 @@ int run_live_headless(const LiveOptions& options) {
   std::unique_ptr<SessionRecorder> recorder;
   if (!options.record.empty()) recorder = open_recorder(options.record, source);
   std::unique_ptr<RunDrawing> drawing;
-  if (!options.video.empty())
-    drawing = std::make_unique<RunDrawing>(lens, source.frames->frames_per_second(), options.video, "",
-                                           DrawingPace::keep_up, run_options.manual_initialisation);
+  if (!options.video.empty()) {
+    RunDrawingOptions wanted;
+    wanted.video_path = options.video;
+    wanted.pace = DrawingPace::keep_up;
+    wanted.manual = run_options.manual_initialisation;
+    drawing = std::make_unique<RunDrawing>(lens, source.frames->frames_per_second(), wanted);
+  }
   RunResult result;
   {
     LiveSession session(frames, lens, run_options, std::move(recorder), [source] { source.stop(); });

@@ -110,7 +110,6 @@ bool LivePointing::update(const CameraModel& lens, const LiveFrame& frame, const
     state->task = second ? Task::measure_distance : Task::measure_second;
     state->focus_text = second;
     if (second) state->text = {'1', '0'};
-    state->toasts.add(second ? "type the true distance" : "now the second point");
     return true;
   }
   if (pressed) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <iostream>
+#include <utility>
 
 #include "app/augmented_interface.h"
 #include "app/command.h"
@@ -48,9 +49,8 @@ LiveWindow::LiveWindow(const LiveOptions& options, const UserSettings& settings,
   state_.picture_folder = folder(settings.pictures, pictures_folder());
   state_.video_folder = folder(settings.videos, videos_folder());
   engine_.open();
-  window_ = std::make_unique<Window>("Parallax", geometry_of(state, options.full_screen));
+  window_ = std::make_unique<Window>("Parallax", geometry_of(state, options.full_screen), settings.interface_scale);
   renderer_ = std::make_unique<SceneRenderer>();
-  ImGui::GetIO().FontGlobalScale *= static_cast<float>(settings.interface_scale);
 }
 
 LiveWindow::~LiveWindow() = default;
@@ -133,10 +133,13 @@ LiveWindow::Picture LiveWindow::picture_area() const {
     image_width = preview_->grey.cols;
     image_height = preview_->grey.rows;
   }
-  picture.viewport = fit_viewport(image_width, image_height, width, height);
   const ImVec2 display = ImGui::GetIO().DisplaySize;
   const float sx = display.x / static_cast<float>(std::max(1, width));
   const float sy = display.y / static_cast<float>(std::max(1, height));
+  // The calibration's panel lies under the picture, not over it.
+  const int below = calibration_ ? static_cast<int>(calibration_->panel_height() / std::max(sy, 1e-6f)) : 0;
+  picture.viewport = fit_viewport(image_width, image_height, width, std::max(1, height - below));
+  picture.viewport.y += below;
   const Viewport& v = picture.viewport;
   picture.area = {static_cast<float>(v.x) * sx, static_cast<float>(height - v.y - v.height) * sy,
                   static_cast<float>(v.width) * sx, static_cast<float>(v.height) * sy};
@@ -234,7 +237,10 @@ void LiveWindow::draw_interface(const Picture& picture) {
   if (state_.screen == Screen::map) {
     const ImVec2 display = ImGui::GetIO().DisplaySize;
     view.area = {0, 0, display.x, display.y};
-    view.labels = view.hint = false;
+    view.hint = false;
+    const CameraModel outside = orbit_lens(window_->framebuffer_width(), window_->framebuffer_height());
+    view.camera = &outside;
+    view.labels_from = orbit_.camera.camera_from_world();
     draw_augmented_interface(view);
     const SnapshotKeyframe* keyframe =
         selected_keyframe_ && shown_->map ? find_keyframe(*shown_->map, *selected_keyframe_) : nullptr;
@@ -273,7 +279,8 @@ void LiveWindow::draw_panels() {
   if (state_.panels.content) draw_content_panel(&state_, frame);
   if (state_.panels.record) draw_record_panel(&state_, &engine_);
   if (state_.panels.debug) draw_debug_panel(&state_, &engine_, frame);
-  if (draw_task(&state_)) end_task();
+  const bool entered = draw_task(&state_);
+  if (std::exchange(enter_seen_, false) || entered) end_task();
   draw_toasts(&state_);
 }
 
@@ -294,6 +301,9 @@ void LiveWindow::capture() {
   if (!for_video) return;
   try {
     video_->add(picture, seconds);
+    if (video_->has_room()) return;
+    toggle_video();
+    state_.toasts.add("the disk is nearly full: the video has ended", true);
   } catch (const std::exception& e) {
     state_.toasts.add(e.what(), true);
     video_.reset();
@@ -305,7 +315,8 @@ void LiveWindow::capture() {
 void LiveWindow::update_title() {
   std::string what = "opening the camera";
   if (state_.screen == Screen::first_run) what = "first time with this camera";
-  if (state_.screen == Screen::calibrating) what = "calibrating";
+  if (state_.screen == Screen::calibrating)
+    what = calibration_ && calibration_->enough() ? "calibrating, enough" : "calibrating";
   if (state_.screen == Screen::augmented || state_.screen == Screen::map)
     what = shown_ ? to_string(shown_->tracked.state) : "starting";
   if (state_.screen == Screen::map) what += ", map";

@@ -59,7 +59,8 @@ class LiveWindow {
   void act(Action action);
   void move_hand();
   void take_pointer(const Picture& picture);
-  std::optional<Eigen::Vector2d> pixel_under_pointer(const Picture& picture) const;
+  // The pixel of the camera's image there (framebuffer); nothing beside it, or on a panel.
+  std::optional<Eigen::Vector2d> pixel_at(const Picture& picture, double pointer_x, double pointer_y) const;
 
   // What panels asked for; live_window_requests.cpp.
   void serve_requests();
@@ -106,6 +107,7 @@ class LiveWindow {
 
   std::unique_ptr<ScreenVideo> video_;
   SteadyClock::time_point video_start_, started_, last_draw_;
+  bool enter_acted_ = false, enter_seen_ = false;  // Enter did something; Enter was let go of while a text was typed
   bool screenshot_wanted_ = false, ended_said_ = false, input_seen_ = false, turning_ = false;
   PointerState pointer_, last_pointer_;
   double pending_scroll_ = 0;

@@ -4,6 +4,7 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "app/live_window.h"
 
@@ -22,13 +23,15 @@ constexpr double kHandSpeed = 0.12, kTurnOfPicture = 1.1, kWheelPush_m = 0.05;
 void LiveWindow::take_keys() {
   for (const KeyEvent& event : window_->poll()) {
     input_seen_ = true;
+    const bool enter = event.key == GLFW_KEY_ENTER || event.key == GLFW_KEY_KP_ENTER;
     if (!event.pressed) {
       // While a text is typed its keys belong to the interface, which misses one that was let go of between two drawn
-      // frames.
-      if (event.key == GLFW_KEY_ENTER || event.key == GLFW_KEY_KP_ENTER) end_task();
+      // frames. The text ends once the interface has seen the letters before it.
+      if (enter && !std::exchange(enter_acted_, false)) enter_seen_ = state_.typing();
       if (event.key == GLFW_KEY_ESCAPE && state_.typing()) drop_task();
       continue;
     }
+    if (enter) enter_acted_ = true;
     if (const auto action = state_.settings.keys.action_of(event.key, event.modifiers)) act(*action);
   }
   move_hand();
@@ -143,11 +146,11 @@ void LiveWindow::move_hand() {
                                                             held(Action::move_forward) - held(Action::move_back)));
 }
 
-std::optional<Vector2d> LiveWindow::pixel_under_pointer(const Picture& picture) const {
+std::optional<Vector2d> LiveWindow::pixel_at(const Picture& picture, double pointer_x, double pointer_y) const {
   const Viewport& v = picture.viewport;
   if (v.width <= 0 || ImGui::GetIO().WantCaptureMouse) return std::nullopt;
   const int top = window_->framebuffer_height() - v.y - v.height;
-  const double x = pointer_.x - v.x, y = pointer_.y - top;
+  const double x = pointer_x - v.x, y = pointer_y - top;
   if (x < 0 || y < 0 || x >= v.width || y >= v.height) return std::nullopt;
   const CameraModel& lens = engine_.lens();
   return Vector2d((x + 0.5) * lens.width() / v.width - 0.5, (y + 0.5) * lens.height() / v.height - 0.5);
@@ -162,11 +165,14 @@ void LiveWindow::take_pointer(const Picture& picture) {
   pointer.middle = io.MouseDown[ImGuiMouseButton_Middle];
   pointer.scroll = pending_scroll_;
   pending_scroll_ = 0;
-  const double dx = pointer.x - last_pointer_.x, dy = pointer.y - last_pointer_.y;
   const bool was_down = last_pointer_.left;
+  // Of a press, where it was made: the pointer may have gone on before this frame is drawn.
+  const bool pressed = pointer.left && !was_down && !ImGui::GetIO().WantCaptureMouse;
+  const double dx = pointer.x - (pressed ? pointer.pressed_x : last_pointer_.x);
+  const double dy = pointer.y - (pressed ? pointer.pressed_y : last_pointer_.y);
   last_pointer_ = pointer;
   const bool on_panel = ImGui::GetIO().WantCaptureMouse;
-  cursor_px_ = pixel_under_pointer(picture);
+  cursor_px_ = pixel_at(picture, pointer.x, pointer.y);
   if (state_.screen == Screen::map) {
     if (on_panel) return orbit_.release();
     const int width = window_->framebuffer_width(), height = window_->framebuffer_height();
@@ -182,14 +188,15 @@ void LiveWindow::take_pointer(const Picture& picture) {
     return;
   }
   if (state_.screen != Screen::augmented || !shown_) return;
-  const bool taken = pointing_.update(engine_.lens(), *shown_, cursor_px_, pointer.left && !on_panel, &state_);
+  const auto pointed = pressed ? pixel_at(picture, pointer.pressed_x, pointer.pressed_y) : cursor_px_;
+  const bool taken = pointing_.update(engine_.lens(), *shown_, pointed, pointer.left && !on_panel, &state_);
   HandControl* hand = engine_.is_open() ? engine_.source().hand : nullptr;
   if (hand == nullptr || on_panel) {
     turning_ = false;
     return;
   }
   if (pointer.scroll != 0) hand->push(kWheelPush_m * pointer.scroll);
-  if (pointer.left && !was_down) turning_ = !taken && cursor_px_.has_value();
+  if (pressed) turning_ = !taken && pointed.has_value();
   if (!pointer.left) turning_ = false;
   if (!turning_) return;
   // The scene follows the pointer, as if it were pushed.

@@ -40,7 +40,6 @@ void LiveWindow::serve_requests() {
     state_.task = Task::measure_first;
     state_.measured.clear();
     state_.screen = Screen::augmented;
-    state_.toasts.add("click two points whose distance you know");
   }
   if (wanted.find_plane) {
     PlaneEdit edit;
@@ -219,7 +218,8 @@ void LiveWindow::take_calibration() {
     state_.toasts.add(std::string(e.what()) + "; the calibration holds until the end", true);
   }
   calibration_.reset();
-  begin_session(lens, false, "");
+  // What --record asked for begins with the first session.
+  begin_session(lens, false, engine_.session() == nullptr ? options_.record : "");
 }
 
 }  // namespace parallax

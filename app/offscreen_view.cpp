@@ -15,6 +15,11 @@ OffscreenView::OffscreenView(const CameraModel& camera, const HintOptions& hints
 
 cv::Mat3b OffscreenView::draw(const Frame& frame, const TrackingResult& tracked, const TrackingSnapshot* map,
                               const Content* content, const std::string& remark) {
+  return draw(frame, tracked, map, content, remark, Extra{});
+}
+
+cv::Mat3b OffscreenView::draw(const Frame& frame, const TrackingResult& tracked, const TrackingSnapshot* map,
+                              const Content* content, const std::string& remark, const Extra& extra) {
   const int width = camera_.width(), height = camera_.height();
   context_.make_current();
   memory_.update(tracked);
@@ -25,7 +30,9 @@ cv::Mat3b OffscreenView::draw(const Frame& frame, const TrackingResult& tracked,
   input.map = map;
   input.content = content;
   input.ambient_light = light_.update(frame.colour.empty() ? cv::Mat(frame.grey) : cv::Mat(frame.colour));
-  renderer_.draw(augmented_view(camera_, input, settings), {0, 0, width, height});
+  DrawList list = augmented_view(camera_, input, settings);
+  if (extra.scene) extra.scene(&list);
+  renderer_.draw(list, {0, 0, width, height});
 
   AugmentedInterface view;
   view.area = {0, 0, static_cast<float>(width), static_cast<float>(height)};
@@ -45,8 +52,12 @@ cv::Mat3b OffscreenView::draw(const Frame& frame, const TrackingResult& tracked,
       view.lost_picture_aspect = static_cast<float>(picture.cols) / static_cast<float>(picture.rows);
     }
   }
-  interface_.frame([&] { draw_augmented_interface(view); },
-                   [&](const ImDrawData& data) { renderer_.draw_interface(data, width, height); });
+  interface_.frame(
+      [&] {
+        draw_augmented_interface(view);
+        if (extra.interface) extra.interface(view.area);
+      },
+      [&](const ImDrawData& data) { renderer_.draw_interface(data, width, height); });
   return read_framebuffer(width, height);
 }
 

@@ -4,6 +4,7 @@
 // other thread may use Dear ImGui at that moment.
 #pragma once
 
+#include <functional>
 #include <opencv2/core/mat.hpp>
 #include <string>
 
@@ -25,6 +26,14 @@ class OffscreenView {
   // times in the state line, so that the same run gives the same pictures. `map` and `content` may be null.
   cv::Mat3b draw(const Frame& frame, const TrackingResult& tracked, const TrackingSnapshot* map,
                  const Content* content = nullptr, const std::string& remark = {});
+
+  // Further things to draw (a game): appended to the picture, and written over it between ImGui's frames.
+  struct Extra {
+    std::function<void(DrawList*)> scene;
+    std::function<void(const PictureArea&)> interface;
+  };
+  cv::Mat3b draw(const Frame& frame, const TrackingResult& tracked, const TrackingSnapshot* map, const Content* content,
+                 const std::string& remark, const Extra& extra);
 
   AugmentedSettings settings;
 

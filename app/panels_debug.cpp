@@ -5,7 +5,7 @@
 namespace parallax {
 
 void draw_debug_panel(LiveState* state, LiveEngine* engine, const LiveFrame* frame) {
-  if (!begin_panel("Timings", &state->panels.debug, 0, 20)) return ImGui::End();
+  if (!begin_panel("Timings", &state->panels.debug, 0, 27)) return ImGui::End();
   ImGui::Text("window: %.1f ms to draw (slowest %.0f), %.1f a second", state->drawing_ms, state->slowest_draw_ms,
               state->frame_interval_ms > 0 ? 1000 / state->frame_interval_ms : 0.0);
   if (engine->is_open()) {

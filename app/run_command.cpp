@@ -3,7 +3,9 @@
 #include <memory>
 #include <string>
 
+#include "app/asset_folder.h"
 #include "app/command.h"
+#include "app/game_session.h"
 #include "app/progress_bar.h"
 #include "app/replay_session.h"
 #include "app/run_drawing.h"
@@ -18,7 +20,8 @@ namespace {
 
 struct RunArguments {
   std::string source, calibration, init = "auto", pace;
-  std::string trajectory, keyframes, points, timing, report, video, frames, truth;
+  std::string trajectory, keyframes, points, timing, report, video, frames, truth, game;
+  bool no_occlusion = false;
   int start = 0, count = -1, threads = 1;
   double speed = 1.0;
   std::vector<std::string> settings;
@@ -85,6 +88,8 @@ int run(RunArguments args) {
   options.speed = args.speed;
   options.mapper.threads = args.threads;
   apply_settings(args.settings, &options);
+  const std::optional<GameRequest> game =
+      args.game.empty() ? std::nullopt : std::optional(parse_game_request(args.game));
   const bool draws = !args.video.empty() || !args.frames.empty();
   SourceOptions source_options;
   source_options.colour = draws;
@@ -102,10 +107,17 @@ int run(RunArguments args) {
   std::unique_ptr<FrameSource> source = std::move(opened.frames);
   if (!replayed) source = make_read_ahead(std::move(source));
   std::unique_ptr<RunDrawing> drawing;
-  const DrawingPace drawing_pace = args.pace == "realtime" ? DrawingPace::keep_up : DrawingPace::wait;
-  if (draws)
-    drawing = std::make_unique<RunDrawing>(opened.camera, fps, args.video, args.frames, drawing_pace,
-                                           !options.automatic_initialisation());
+  if (draws || game) {
+    RunDrawingOptions wanted;
+    wanted.video_path = args.video;
+    wanted.frames_folder = args.frames;
+    wanted.pace = args.pace == "realtime" ? DrawingPace::keep_up : DrawingPace::wait;
+    wanted.manual = !options.automatic_initialisation();
+    wanted.occlusion = !args.no_occlusion;
+    wanted.game = game;
+    if (game) wanted.models = std::make_shared<const ModelSet>(ModelSet::load(asset_folder("models")));
+    drawing = std::make_unique<RunDrawing>(opened.camera, fps, wanted);
+  }
   RunResult result;
   ReplayReport replay;
   {
@@ -128,9 +140,10 @@ int run(RunArguments args) {
   if (!args.timing.empty()) write_timing_csv(result, args.timing);
   if (!args.report.empty()) {
     const ReportContext context{args.source, PARALLAX_VERSION, args.pace, args.init, fps, &opened.camera, &options};
-    write_report_json(result, context, args.report);
+    write_report_json(result, context, args.report, drawing && drawing->game() ? &*drawing->game() : nullptr);
   }
   std::cout << summary_text(result);
+  if (drawing && drawing->game()) std::cout << game_text(*drawing->game());
   if (!args.video.empty()) std::cout << "video: " << args.video << '\n';
   if (drawing && drawing->left_out() > 0)
     std::cerr << "parallax: warning: " << drawing->left_out() << " frames were not drawn, which took too long\n";
@@ -175,6 +188,11 @@ void add_run_command(CLI::App& app, int* exit_code) {
   command->add_option("--truth", args->truth, "Write the source's true poses, where it carries them (TUM form)");
   command->add_option("--video", args->video, "Write the recording with the overlay drawn in (.mp4 or .avi)");
   command->add_option("--frames", args->frames, "Write each drawn frame as a PNG into this folder");
+  command->add_option(
+      "--game", args->game,
+      "A game played by its script on the mapped table: swarm, burning_glass or marbles, with settings as "
+      "in swarm?seed=3&difficulty=hard");
+  command->add_flag("--no-occlusion", args->no_occlusion, "With --game: real things do not hide virtual ones");
   command->add_option("--set", args->settings, "NAME=VALUE: an option of the tracker or mapper (may be repeated)");
   command->callback([args, exit_code] { *exit_code = run(*args); });
 }

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "app/game_report.h"
 #include "core/file_io.h"
 
 namespace parallax {
@@ -96,7 +97,8 @@ void write_timing_csv(const RunResult& result, const std::string& path) {
   });
 }
 
-void write_report_json(const RunResult& result, const ReportContext& context, const std::string& path) {
+void write_report_json(const RunResult& result, const ReportContext& context, const std::string& path,
+                       const GameOutcome* game) {
   const FrameCounts& c = result.counts;
   nlohmann::json report;
   report["program"] = {{"name", "parallax"}, {"version", context.version}};
@@ -157,6 +159,7 @@ void write_report_json(const RunResult& result, const ReportContext& context, co
   report["lock_ms"] = {{"map_wait", to_json(percentiles(result.lock_times.wait_ms))},
                        {"map_hold", to_json(percentiles(result.lock_times.hold_ms))},
                        {"tracker_wait", to_json(percentiles(result.snapshot_waits_ms))}};
+  if (game != nullptr) report["game"] = to_json(*game);
   nlohmann::json warnings = nlohmann::json::array();
   for (const SourceWarning& w : result.warnings) warnings.push_back({{"frame", w.frame}, {"text", w.text}});
   report["warnings"] = warnings;

@@ -8,6 +8,8 @@
 
 namespace parallax {
 
+struct GameOutcome;
+
 // Every tracked frame as it was known at that frame, put into the last world (TUM form).
 Trajectory tracked_trajectory(const RunResult& result);
 // Keyframes after the last adjustment.
@@ -22,7 +24,9 @@ struct ReportContext {
   const CameraModel* camera = nullptr;
   const RunOptions* options = nullptr;
 };
-void write_report_json(const RunResult& result, const ReportContext& context, const std::string& path);
+// `game` may be null.
+void write_report_json(const RunResult& result, const ReportContext& context, const std::string& path,
+                       const GameOutcome* game = nullptr);
 
 // Whether any frame was tracked, and if not, what the user was last told.
 bool tracked_anything(const RunResult& result);

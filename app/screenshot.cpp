@@ -16,6 +16,8 @@ namespace {
 cv::Size even(cv::Size size) { return {size.width & ~1, size.height & ~1}; }
 // Longer than this the picture did not change; the video does not grow by more at once.
 constexpr int kMostRepeats = 90;
+// Some seconds of video, and its index.
+constexpr std::uintmax_t kReserve_bytes = 16u << 20;
 
 }  // namespace
 
@@ -56,6 +58,12 @@ void ScreenVideo::add(const cv::Mat3b& picture, double seconds) {
   const int wanted = static_cast<int>(seconds * fps_) + 1;
   for (int i = 0; written_ < wanted && i < kMostRepeats; ++i, ++written_) writer_.write(fitting);
   written_ = std::max(written_, wanted);
+}
+
+bool ScreenVideo::has_room() const {
+  std::error_code error;
+  const fs::space_info space = fs::space(fs::absolute(path_, error).parent_path(), error);
+  return error || space.available > kReserve_bytes;
 }
 
 void ScreenVideo::close() { writer_.close(); }

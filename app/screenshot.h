@@ -27,6 +27,8 @@ class ScreenVideo {
   bool due(double seconds) const;
   // A picture of another size (the window was resized) is scaled. Throws RunError on a full disk.
   void add(const cv::Mat3b& picture, double seconds);
+  // Whether the disk has room for more of it, and for its end: a video on a full disk would be lost.
+  bool has_room() const;
   // Finishes the file, which has its name only then. Throws RunError.
   void close();
   const std::string& path() const { return path_; }

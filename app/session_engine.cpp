@@ -1,5 +1,9 @@
 #include "app/session_engine.h"
 
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
+
 #include <algorithm>
 #include <limits>
 
@@ -17,6 +21,16 @@ constexpr std::size_t kLiveQueue = 2;
 constexpr double kRealtimeFinish_s = 3.0;
 // Warnings of a source without an end: the newest so many.
 constexpr std::size_t kWarningsKept = 1000;
+
+// Memory that was freed between what is still used goes back to the system so often: the images of keyframes that come
+// and go would otherwise make a long session larger by a few megabytes every ten minutes. Takes some milliseconds.
+constexpr std::chrono::seconds kMemoryInterval{30};
+
+void return_freed_memory() {
+#if defined(__GLIBC__)
+  malloc_trim(0);
+#endif
+}
 
 RunOptions checked(RunOptions options, const SessionRecorder* recorder) {
   // Which question of a solve was answered with "stop" means something with one solver thread only.
@@ -148,9 +162,14 @@ void SessionEngine::read_frames(std::stop_token stop, bool paced) {
   const auto start = SteadyClock::now();
   Mutex mutex;
   std::condition_variable_any wake;
+  auto memory_due = start + kMemoryInterval;
   while (!stop.stop_requested()) {
     auto frame = source_->next();
     if (!frame) break;
+    if (SteadyClock::now() > memory_due) {
+      return_freed_memory();
+      memory_due = SteadyClock::now() + kMemoryInterval;
+    }
     check_size(*frame, camera_, *source_);
     if (paced) {
       if (!first) first = frame->time;

@@ -115,7 +115,10 @@ std::vector<CameraFormat> libcamera_formats(const libcamera::StreamConfiguration
   for (const auto& theirs : stream.formats().pixelformats()) {
     const auto ours = pixel_format_of(theirs);
     auto sizes = stream.formats().sizes(theirs);
-    if (std::find(sizes.begin(), sizes.end(), also) == sizes.end() && stream.formats().range(theirs).contains(also)) {
+    // A range without steps is made up from single sizes: what lies between them is not offered.
+    const auto range = stream.formats().range(theirs);
+    const bool goes_by_steps = range.hStep > 0 && range.vStep > 0;
+    if (goes_by_steps && range.contains(also) && std::find(sizes.begin(), sizes.end(), also) == sizes.end()) {
       sizes.push_back(also);
     }
     for (const auto& size : sizes) {

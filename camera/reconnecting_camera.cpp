@@ -18,9 +18,6 @@ constexpr Timestamp kMostBehind = std::chrono::seconds(60);  // no frame waits f
 constexpr std::size_t kMaxWarnings = 100;                    // kept for someone who never asks
 constexpr char kDisconnected[] = "camera disconnected: plug it in again";
 constexpr char kSilent[] = "the camera sends no pictures: starting it again; if that does not help, plug it in again";
-constexpr char kDamaged[] =
-    "the camera sends only damaged pictures: starting it again; if that does not help, use another cable or port, not "
-    "a hub";
 
 }  // namespace
 
@@ -61,6 +58,18 @@ void ReconnectingCamera::begin(Connection connection) {
   meter_ = {};
   between_ = 0;
   second_ = {heard_, 0, 0};
+  std::vector<std::pair<std::string, std::int64_t>> wanted;
+  {
+    const MutexLock lock(mutex_);
+    wanted = wanted_controls_;
+  }
+  for (const auto& [name, value] : wanted) {
+    try {
+      connection->set_control(name, value);
+    } catch (const InputError& error) {
+      log::debug(error.what());  // another camera need not have it
+    }
+  }
   const MutexLock lock(mutex_);
   identity_ = facts.identity;
   description_ = facts.description;
@@ -71,13 +80,6 @@ void ReconnectingCamera::begin(Connection connection) {
     status_.text = trouble_;
   }
   status_.requested_fps = facts.fps;
-  for (const auto& [name, value] : wanted_controls_) {
-    try {
-      connection->set_control(name, value);
-    } catch (const InputError& error) {
-      log::debug(error.what());  // another camera need not have it
-    }
-  }
   connection_ = std::move(connection);
 }
 
@@ -161,7 +163,7 @@ bool ReconnectingCamera::take_stock(const CameraArrival& arrival) {
     return false;
   }
   if (now - good_ > kPatience && arrival.kind == CameraArrival::Kind::nothing) {
-    leave(arrival.heard() || now - heard_ <= kPatience ? kDamaged : kSilent);
+    leave(now - heard_ <= kPatience ? only_damaged() : kSilent);
     return false;
   }
   return arrival.kind == CameraArrival::Kind::picture;
@@ -173,6 +175,11 @@ void ReconnectingCamera::leave(const std::string& trouble) {
   disconnect(trouble);
 }
 
+std::string ReconnectingCamera::only_damaged() const {
+  return "the camera sends only damaged pictures (" + last_damage_ +
+         "): starting it again; if that does not help, use another cable or port, not a hub";
+}
+
 std::optional<Frame> ReconnectingCamera::decode(const CameraArrival& arrival) {
   Frame frame;
   frame.index = next_index_++;
@@ -180,7 +187,7 @@ std::optional<Frame> ReconnectingCamera::decode(const CameraArrival& arrival) {
   if (!problem.empty()) {
     ++between_;
     tell_damaged(frame.index, 1, problem);
-    if (backend_->now() - good_ > kPatience) leave(kDamaged);
+    if (backend_->now() - good_ > kPatience) leave(only_damaged());
     return std::nullopt;
   }
   frame.time = frame_time(arrival.time);
@@ -232,7 +239,7 @@ void ReconnectingCamera::tell_damaged(int frame, int count, const std::string& p
   if (count > 0) {
     if (untold_.count == 0) untold_.frame = frame;
     untold_.count += count;
-    untold_.problem = problem;
+    untold_.problem = last_damage_ = problem;
     second_.damaged += count;
     const MutexLock lock(mutex_);
     status_.damaged += static_cast<std::uint64_t>(count);

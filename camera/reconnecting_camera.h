@@ -24,8 +24,8 @@
 
 namespace parallax {
 
-// See LiveCamera for what may be called from where; next() and take_warnings() are for one thread. No thread of its
-// own.
+// See LiveCamera for what may be called from where; next() and take_warnings() are for one thread, which works for it:
+// there is no thread of its own.
 class ReconnectingCamera final : public LiveCamera {
  public:
   // Connects to the first candidate that can be used. Throws InputError: what is wrong with the first that cannot.
@@ -53,6 +53,7 @@ class ReconnectingCamera final : public LiveCamera {
   void begin(Connection connection);
   void disconnect(const std::string& text);
   void leave(const std::string& trouble);
+  std::string only_damaged() const;
   void look_again();
   // True: a picture has arrived that is to be decoded.
   bool take_stock(const CameraArrival& arrival);
@@ -77,6 +78,7 @@ class ReconnectingCamera final : public LiveCamera {
   std::vector<SourceWarning> warnings_;
   std::string trouble_;       // why a camera that is there was left; told until a good frame comes
   std::string last_problem_;  // of looking again
+  std::string last_damage_;
   int next_index_ = 0;
   Timestamp last_time_{0};        // of a frame
   Timestamp heard_{0}, good_{0};  // when anything, and a good frame, came last

@@ -9,9 +9,9 @@ namespace parallax::burning {
 // for play: see docs/games/burning_glass.md.
 const std::array<Material, 3>& materials() {
   static const std::array<Material, 3> all = {
-      Material{MaterialKind::wood, "wood", 0.70, 5e-4, 2.0, 280, 4, 8, 40, 0.10},
-      Material{MaterialKind::paper, "paper", 0.55, 3.5e-4, 1.6, 210, 6, 12, 330, 0.22},
-      Material{MaterialKind::compact_disc, "CD", 0.50, 9e-4, 2.6, 230, 2.5, 5, 0, 0.05},
+      Material{MaterialKind::wood, "wood", 0.70, 4e-4, 4.0, 280, 4, 8, 40, 0.10},
+      Material{MaterialKind::paper, "paper", 0.55, 3e-4, 3.2, 210, 6, 12, 330, 0.22},
+      Material{MaterialKind::compact_disc, "CD", 0.60, 6e-4, 4.5, 230, 5, 8, 0, 0.05},
   };
   return all;
 }

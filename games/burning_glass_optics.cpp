@@ -142,8 +142,8 @@ void trace_light(const LightPath& path, const RayBundle& bundle, std::uint64_t t
   double on_sheet = 0, beside = 0;  // in rays
   for (std::size_t i = 0; i < bundle.on_lens().size(); ++i) {
     Eigen::Vector2d at;
-    const RayEnd end = path.follow(turned(bundle.on_lens()[i], lens_c, lens_s),
-                                   turned(bundle.on_sun()[i], sun_c, sun_s), &at);
+    const RayEnd end =
+        path.follow(turned(bundle.on_lens()[i], lens_c, lens_s), turned(bundle.on_sun()[i], sun_c, sun_s), &at);
     if (end != RayEnd::plane) {
       (end == RayEnd::sky ? sky : reflected) += 1;
       continue;

@@ -31,11 +31,15 @@ Paint along(const Stop (&stops)[N], float value) {
   return stops[N - 1].paint;
 }
 
-constexpr Stop kWood[] = {{0.00f, {0.62f, 0.38f, 0.17f, 0.00f}}, {0.10f, {0.56f, 0.33f, 0.14f, 0.34f}},
-                          {0.30f, {0.40f, 0.22f, 0.09f, 0.72f}}, {0.60f, {0.20f, 0.11f, 0.06f, 0.90f}},
+constexpr Stop kWood[] = {{0.00f, {0.62f, 0.38f, 0.17f, 0.00f}},
+                          {0.10f, {0.56f, 0.33f, 0.14f, 0.34f}},
+                          {0.30f, {0.40f, 0.22f, 0.09f, 0.72f}},
+                          {0.60f, {0.20f, 0.11f, 0.06f, 0.90f}},
                           {1.00f, {0.055f, 0.045f, 0.04f, 0.96f}}};
-constexpr Stop kPaper[] = {{0.00f, {0.85f, 0.70f, 0.36f, 0.00f}}, {0.08f, {0.78f, 0.57f, 0.24f, 0.42f}},
-                           {0.22f, {0.52f, 0.30f, 0.10f, 0.78f}}, {0.50f, {0.15f, 0.09f, 0.05f, 0.95f}},
+constexpr Stop kPaper[] = {{0.00f, {0.85f, 0.70f, 0.36f, 0.00f}},
+                           {0.08f, {0.78f, 0.57f, 0.24f, 0.42f}},
+                           {0.22f, {0.52f, 0.30f, 0.10f, 0.78f}},
+                           {0.50f, {0.15f, 0.09f, 0.05f, 0.95f}},
                            {0.80f, {0.05f, 0.045f, 0.04f, 0.98f}}};
 
 // Wood: browned, then black; the grain runs along x and takes the char unevenly, and cracks run across it.
@@ -114,9 +118,9 @@ Paint compact_disc(float burnt, float x, float y) {
 
 std::uint8_t byte(float value) { return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255 + 0.5f); }
 
-constexpr float kSmoothing = 1.1f;       // of the mean distance between rays, in standard deviations
-constexpr float kDimmest = 0.15f;        // suns; less light is not seen
-constexpr float kBrightest = 450;        // suns that are as bright as the picture can be
+constexpr float kSmoothing = 1.1f;  // of the mean distance between rays, in standard deviations
+constexpr float kDimmest = 0.15f;   // suns; less light is not seen
+constexpr float kBrightest = 450;   // suns that are as bright as the picture can be
 constexpr float kGlowFrom_k = 380, kGlowFull_k = 950;
 
 }  // namespace
@@ -145,9 +149,15 @@ void BurnPicture::paint(const Material& material, const std::vector<std::uint16_
       const float px = static_cast<float>(x), py = static_cast<float>(y);
       Paint paint;
       switch (material.kind) {
-        case MaterialKind::wood: paint = wood(burnt, px, py); break;
-        case MaterialKind::paper: paint = paper(burnt, px, py); break;
-        case MaterialKind::compact_disc: paint = compact_disc(burnt, px, py); break;
+        case MaterialKind::wood:
+          paint = wood(burnt, px, py);
+          break;
+        case MaterialKind::paper:
+          paint = paper(burnt, px, py);
+          break;
+        case MaterialKind::compact_disc:
+          paint = compact_disc(burnt, px, py);
+          break;
       }
       out[x] = cv::Vec4b(byte(paint.r), byte(paint.g), byte(paint.b), byte(paint.a));
     }
@@ -184,8 +194,8 @@ cv::Mat4b light_picture(const std::vector<float>& concentration, const SheetBox&
     for (int column = area.left; column < area.right; ++column) {
       const float suns = std::max(0.0f, light(row, column) - kDimmest);
       const float sun = std::min(1.0f, std::log1p(suns) * scale);
-      const float heat = std::clamp((temperature_k[SheetGrid::index(column, row)] - kGlowFrom_k) /
-                                        (kGlowFull_k - kGlowFrom_k), 0.0f, 1.0f);
+      const float heat = std::clamp(
+          (temperature_k[SheetGrid::index(column, row)] - kGlowFrom_k) / (kGlowFull_k - kGlowFrom_k), 0.0f, 1.0f);
       // Sunlight is warm white, whiter where there is more; the glow goes from deep red to yellow.
       const float sun_a = std::pow(sun, 1.1f), glow_a = std::min(1.0f, 1.6f * heat);
       const float r = sun_a + glow_a, g = sun_a * (0.92f + 0.08f * sun) + glow_a * (0.22f + 0.55f * heat),

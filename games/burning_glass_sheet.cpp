@@ -93,7 +93,8 @@ void Sheet::conduct(const Material& material, const SheetBox& box, double dt_s) 
     for (int column = begin; column < end; ++column) at(column, column - 1, column + 1);
   }
   for (int row = box.bottom; row < box.top; ++row) {
-    const std::size_t from = SheetGrid::index(box.left, row), to = SheetGrid::index(0, row) + static_cast<std::size_t>(box.right);
+    const std::size_t from = SheetGrid::index(box.left, row),
+                      to = SheetGrid::index(0, row) + static_cast<std::size_t>(box.right);
     std::copy(next_.begin() + static_cast<std::ptrdiff_t>(from), next_.begin() + static_cast<std::ptrdiff_t>(to),
               temperature_.begin() + static_cast<std::ptrdiff_t>(from));
   }
@@ -142,8 +143,8 @@ void Sheet::burn(const Material& material, double dt_s) {
       step_.charred += added;
       step_.changed.include(column, row);
       if (most == 1 && step_.fresh.size() < kFreshMost) step_.fresh.push_back(static_cast<int>(i));
-      temperature_[i] = std::min(temperature + static_cast<float>(material.smoulder_k * added),
-                                 static_cast<float>(kHottest_k));
+      temperature_[i] =
+          std::min(temperature + static_cast<float>(material.smoulder_k * added), static_cast<float>(kHottest_k));
     }
   }
 }

@@ -28,11 +28,11 @@ class Sheet {
   void clear(std::uint64_t seed);
 
   struct Step {
-    double charred = 0;           // cells' worth of char that were added
-    float hottest_k = 0;          // anywhere
-    int hottest_index = 0;        // the cell of it
-    SheetBox changed;             // where char was added
-    std::vector<int> fresh;       // cells that charred, at most a few dozen of them, for smoke
+    double charred = 0;      // cells' worth of char that were added
+    float hottest_k = 0;     // anywhere
+    int hottest_index = 0;   // the cell of it
+    SheetBox changed;        // where char was added
+    std::vector<int> fresh;  // cells that charred, at most a few dozen of them, for smoke
   };
   // `light` may be null: dark. `warming` scales the sun.
   const Step& advance(const Material& material, const LightOnSheet* light, double warming, double dt_s);

@@ -264,4 +264,36 @@ std::vector<TableBox> merge_boxes(const TableGround& ground) {
   return boxes;
 }
 
+std::vector<TableEdge> obstacle_edges(const TableGround& ground) {
+  const TableGrid& grid = ground.grid;
+  const auto height = [&](int column, int row) {
+    return grid.contains(column, row) ? ground.height[grid.index(column, row)] : 0.0f;
+  };
+  std::vector<TableEdge> edges;
+  // Along every line of the grid, pieces of one height in one go.
+  for (const bool across : {false, true}) {
+    const int lines = across ? grid.columns : grid.rows, length = across ? grid.rows : grid.columns;
+    for (int line = 0; line <= lines; ++line) {
+      int begun = 0;
+      float level = 0;
+      for (int k = 0; k <= length; ++k) {
+        const float one = across ? height(line - 1, k) : height(k, line - 1);
+        const float other = across ? height(line, k) : height(k, line);
+        const float top = k < length && one != other ? std::max(one, other) : 0;
+        if (top == level) continue;
+        const auto corner = [&](int at) -> Eigen::Vector3f {
+          const Eigen::Vector2f cells(static_cast<float>(across ? line : at), static_cast<float>(across ? at : line));
+          Eigen::Vector3f place;
+          place << grid.corner + grid.cell * cells, level;
+          return place;
+        };
+        if (level > 0) edges.push_back({corner(begun), corner(k)});
+        level = top;
+        begun = k;
+      }
+    }
+  }
+  return edges;
+}
+
 }  // namespace parallax

@@ -31,7 +31,8 @@ struct TableGrid {
   int column_of(std::size_t i) const { return static_cast<int>(i % static_cast<std::size_t>(columns)); }
   int row_of(std::size_t i) const { return static_cast<int>(i / static_cast<std::size_t>(columns)); }
   Eigen::Vector2f centre(std::size_t i) const {
-    return corner + cell * Eigen::Vector2f(static_cast<float>(column_of(i)) + 0.5f, static_cast<float>(row_of(i)) + 0.5f);
+    return corner +
+           cell * Eigen::Vector2f(static_cast<float>(column_of(i)) + 0.5f, static_cast<float>(row_of(i)) + 0.5f);
   }
   // The cell of a place, which may lie outside.
   Eigen::Vector2i cell_of(const Eigen::Vector2f& place) const;
@@ -56,5 +57,11 @@ TableGround read_ground(const PlayingField& field, double unit_m, bool with_obst
 
 // Blocks that together cover exactly the cells that are not 0, each as high as its cells.
 std::vector<TableBox> merge_boxes(const TableGround& ground);
+
+// The upper edges of what stands there: straight pieces between a cell and a lower one.
+struct TableEdge {
+  Eigen::Vector3f from = Eigen::Vector3f::Zero(), to = Eigen::Vector3f::Zero();
+};
+std::vector<TableEdge> obstacle_edges(const TableGround& ground);
 
 }  // namespace parallax

@@ -12,7 +12,7 @@
 namespace parallax {
 namespace {
 
-constexpr float kTableThickness = 3;   // marbles that have fallen pass below its rim
+constexpr float kTableThickness = 3;    // marbles that have fallen pass below its rim
 constexpr float kObstacleDepth = 0.5f;  // blocks reach into the table, so that no gap is left
 constexpr float kMarbleMass = 1;
 // No marble moves further than this in a substep: what it may enter a wall by, and no wall is thin enough to be missed.

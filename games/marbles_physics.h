@@ -20,7 +20,7 @@ inline constexpr float kMarbleGreatestSpeed = 50;
 struct MarbleMotion {
   Eigen::Vector3f position = Eigen::Vector3f::Zero();  // of the centre
   Eigen::Vector3f velocity = Eigen::Vector3f::Zero();
-  Eigen::Vector3f spin = Eigen::Vector3f::Zero();                  // radians a second
+  Eigen::Vector3f spin = Eigen::Vector3f::Zero();                // radians a second
   Eigen::Quaternionf rotation = Eigen::Quaternionf::Identity();  // plane from marble
 };
 

@@ -10,7 +10,7 @@
 namespace parallax {
 namespace {
 
-constexpr float kRoom = kMarbleRadius + 0.2f;    // kept free around a marble's centre
+constexpr float kRoom = kMarbleRadius + 0.2f;     // kept free around a marble's centre
 constexpr float kRimRoom = kMarbleRadius + 0.4f;  // and from the rim
 constexpr float kStepTolerance = 0.06f;           // heights that are rolled over
 constexpr float kSteepest = 0.24f;                // tangent of the slope that is rolled up
@@ -52,8 +52,7 @@ void for_each_step(const WalkMap& walk, std::size_t at, const Relax& relax) {
     if (!walk.grid.contains(column + step.dx, row + step.dy)) continue;
     const std::size_t next = walk.grid.index(column + step.dx, row + step.dy);
     const float length = step.length * walk.grid.cell;
-    if (!walk.drivable[next] ||
-        std::abs(walk.height[next] - walk.height[at]) > kStepTolerance + kSteepest * length)
+    if (!walk.drivable[next] || std::abs(walk.height[next] - walk.height[at]) > kStepTolerance + kSteepest * length)
       continue;
     relax(next, length);
   }
@@ -189,8 +188,8 @@ bool straight_is_free(const WalkMap& walk, const Eigen::Vector2f& from, const Ei
   for (int k = 0; k <= steps; ++k) {
     const auto at = walk.cell_at(from + (to - from) * (static_cast<float>(k) / static_cast<float>(steps)));
     if (!at || !walk.drivable[*at]) return false;
-    if (last && std::abs(walk.height[*at] - walk.height[*last]) >
-                    kStepTolerance + kSteepest * kDiagonal * walk.grid.cell)
+    if (last &&
+        std::abs(walk.height[*at] - walk.height[*last]) > kStepTolerance + kSteepest * kDiagonal * walk.grid.cell)
       return false;
     last = at;
   }
@@ -203,7 +202,8 @@ std::optional<Eigen::Vector2f> aim_along(const WalkMap& walk, const std::vector<
   if (!at || !std::isfinite(ways[*at]) || !walk.drivable[*at]) return std::nullopt;
   Eigen::Vector2f aim = walk.grid.centre(*at);
   const std::size_t start = *at;
-  while (ways[*at] > 0) {
+  // The first steps are taken in any case: past a corner there is no straight way.
+  for (int steps = 0; ways[*at] > 0; ++steps) {
     std::size_t next = *at;
     for_each_step(walk, *at, [&](std::size_t there, float) {
       if (ways[there] < ways[next]) next = there;
@@ -211,7 +211,7 @@ std::optional<Eigen::Vector2f> aim_along(const WalkMap& walk, const std::vector<
     if (next == *at) break;
     at = next;
     const Eigen::Vector2f place = walk.grid.centre(next);
-    if ((place - from).norm() > reach || !straight_is_free(walk, walk.grid.centre(start), place)) break;
+    if (steps >= 2 && ((place - from).norm() > reach || !straight_is_free(walk, walk.grid.centre(start), place))) break;
     aim = place;
   }
   return aim;

@@ -1,5 +1,6 @@
 #include "games/swarm_archive.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -17,6 +18,7 @@ using Json = nlohmann::json;
 constexpr const char* kFormat = "parallax swarm";
 constexpr int kVersion = 1;
 constexpr std::size_t kMostText = 1u << 20;  // a full state has about 100 kB
+constexpr int kMostNesting = 8;              // a state has five
 constexpr int kManyTicks = 1'000'000'000;
 constexpr double kFar = 10;         // nothing is further from the middle, in radii
 constexpr double kFast = 50;        // nothing is faster, in radii a second
@@ -298,6 +300,16 @@ void check_together(const State& state) {
   if (state.over != (state.robot.health == 0)) refuse("over: found a game that is over with health, or the reverse");
 }
 
+// Before anything is built of it. No text in a saved game has brackets, so that they need not be told apart.
+int nesting_of(const std::string& text) {
+  int level = 0, most = 0;
+  for (const char c : text) {
+    if (c == '[' || c == '{') most = std::max(most, ++level);
+    if (c == ']' || c == '}') --level;
+  }
+  return most;
+}
+
 }  // namespace
 
 std::string save_state(const State& state) {
@@ -312,6 +324,9 @@ State restore_state(const std::string& text) {
   if (text.size() > kMostText)
     throw InputError("saved swarm game: found " + std::to_string(text.size()) + " bytes, expected at most " +
                      std::to_string(kMostText));
+  if (nesting_of(text) > kMostNesting)
+    throw InputError("saved swarm game: found more than " + std::to_string(kMostNesting) +
+                     " levels of brackets, expected a saved game of Swarm");
   const Json json = Json::parse(text, nullptr, false);
   if (json.is_discarded()) throw InputError("saved swarm game: found text that is not JSON, expected a saved game");
   const bool framed = json.is_object() && json.size() == 3 && json.contains("format") && json["format"] == kFormat &&

@@ -237,7 +237,7 @@ class Mover {
     critter->height = -kClimbDepth * left;
     critter->walked += 0.3 * kGameTick_s;
     critter->position += critter->velocity * kGameTick_s;
-    if (critter->phase_ticks < kClimb) return;
+    if (critter->phase_ticks < kClimb && critter->position.norm() < 4) return;
     critter->height = 0;
     critter->position = ground_.nearest_walkable(critter->position);
     const Vector2d from_robot = critter->position - robot_.position;
@@ -251,7 +251,7 @@ class Mover {
     critter.height += critter.rise * kGameTick_s;
     critter.rise -= kLeapGravity * kGameTick_s;
     step(&critter);
-    const bool down = critter.height <= 0 || critter.phase_ticks > 2 * kLeap;
+    const bool down = critter.height <= 0 || critter.height > 1 || critter.phase_ticks > 2 * kLeap;
     if (!down) return;
     critter.height = critter.rise = 0;
     critter.velocity = Vector2d::Zero();

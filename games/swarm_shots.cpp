@@ -12,6 +12,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kHitReach = kCritterRadius + 0.02;
+constexpr double kOutOfSight = 4;  // nothing flies further from the middle
 
 }  // namespace
 
@@ -66,7 +67,7 @@ void Simulation::fly_bolts() {
   for (Bolt& bolt : state_.bolts) {
     --bolt.ticks_left;
     bolt.position += bolt.direction * (kBoltSpeed * kGameTick_s);
-    if (ground_.height_at(bolt.position) > kBoltHeight) {
+    if (bolt.position.norm() > kOutOfSight || ground_.height_at(bolt.position) > kBoltHeight) {
       scatter({bolt.position.x(), bolt.position.y(), kBoltHeight}, 4, 3, 0.3);
       bolt.ticks_left = 0;
       continue;
@@ -97,7 +98,8 @@ void Simulation::fly_spits() {
     spit.rise -= kSpitGravity * kGameTick_s;
     const double ground = ground_.height_at(spit.position);
     const bool touches = (spit.position - state_.robot.position).norm() < kRobotRadius && spit.height < 0.1;
-    const bool lands = spit.height <= 0 || (ground > 0.02 && ground > spit.height);
+    const bool lands = spit.height <= 0 || spit.height > 2 || spit.position.norm() > kOutOfSight ||
+                       (ground > 0.02 && ground > spit.height);
     if (!touches && !lands) return false;
     scatter({spit.position.x(), spit.position.y(), std::max(spit.height, 0.0)}, 8, 1, 0.3);
     if (touches || (spit.position - state_.robot.position).norm() < kSpitSplash) hurt_robot(damage, spit.position);

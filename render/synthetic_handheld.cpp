@@ -165,7 +165,9 @@ int SyntheticHandheld::width() const { return source_->options().camera.width();
 int SyntheticHandheld::height() const { return source_->options().camera.height(); }
 
 std::string SyntheticHandheld::identity() const {
-  return "synthetic " + std::to_string(width()) + "x" + std::to_string(height());
+  // What is remembered of one lens is not said of another.
+  return std::string("synthetic ") + to_string(source_->options().camera.kind()) + " " + std::to_string(width()) + "x" +
+         std::to_string(height());
 }
 
 }  // namespace parallax

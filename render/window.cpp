@@ -27,6 +27,25 @@ bool is_set(const char* variable) {
   return value != nullptr && *value != '\0';
 }
 
+// The screen that shows most of this; null when none shows any.
+GLFWmonitor* screen_of(const WindowGeometry& geometry) {
+  int count = 0, most = 0;
+  GLFWmonitor** screens = glfwGetMonitors(&count);
+  GLFWmonitor* best = nullptr;
+  for (int i = 0; i < count; ++i) {
+    int x = 0, y = 0;
+    glfwGetMonitorPos(screens[i], &x, &y);
+    const GLFWvidmode* mode = glfwGetVideoMode(screens[i]);
+    if (mode == nullptr) continue;
+    const int across = std::min(geometry.x + geometry.width, x + mode->width) - std::max(geometry.x, x);
+    const int down = std::min(geometry.y + geometry.height, y + mode->height) - std::max(geometry.y, y);
+    if (across <= 0 || down <= 0 || across * down <= most) continue;
+    most = across * down;
+    best = screens[i];
+  }
+  return best;
+}
+
 struct GlfwWindowCloser {
   void operator()(GLFWwindow* window) const { glfwDestroyWindow(window); }
 };
@@ -42,7 +61,8 @@ struct Window::Implementation {
   double scroll = 0, last_scroll = 0;
   WindowGeometry windowed;  // to return to from full screen
   bool full_screen = false;
-  float font_scale = 0;
+  float font_scale = 0, interface_scale = 1;
+  double pressed_x = 0, pressed_y = 0;
 
   ~Implementation() {
     if (interface_started) {
@@ -67,6 +87,10 @@ struct Window::Implementation {
   }
   static void on_scroll(GLFWwindow* window, double, double steps) { of(window).scroll += steps; }
 
+  static void on_button(GLFWwindow* window, int, int action, int) {
+    if (action == GLFW_PRESS) glfwGetCursorPos(window, &of(window).pressed_x, &of(window).pressed_y);
+  }
+
   float scale() const {
     float x = 1, y = 1;
     glfwGetWindowContentScale(window.get(), &x, &y);
@@ -82,7 +106,7 @@ struct Window::Implementation {
   }
 
   void load_fonts() {
-    const float wanted = scale();
+    const float wanted = scale() * interface_scale;
     if (wanted == font_scale) return;
     font_scale = wanted;
     load_interface_font(wanted);
@@ -95,7 +119,7 @@ struct Window::Implementation {
   }
 };
 
-Window::Window(const std::string& title, const WindowGeometry& geometry)
+Window::Window(const std::string& title, const WindowGeometry& geometry, double interface_scale)
     : implementation_(std::make_unique<Implementation>()) {
   Implementation& self = *implementation_;
   if (!available()) throw RunError("window: no display: found neither DISPLAY nor WAYLAND_DISPLAY in the environment");
@@ -113,12 +137,13 @@ Window::Window(const std::string& title, const WindowGeometry& geometry)
   glfwWindowHintString(GLFW_X11_INSTANCE_NAME, "parallax");
   self.windowed = geometry;
   self.windowed.full_screen = false;
+  self.interface_scale = static_cast<float>(interface_scale);
   self.window.reset(
       glfwCreateWindow(std::max(64, geometry.width), std::max(64, geometry.height), title.c_str(), nullptr, nullptr));
   if (!self.window) throw RunError("window: cannot open one with OpenGL 3.3: " + glfw_error());
   GLFWwindow* window = self.window.get();
   glfwSetWindowUserPointer(window, &self);
-  if (geometry.x >= 0) glfwSetWindowPos(window, geometry.x, std::max(0, geometry.y));
+  if (geometry.x >= 0 && screen_of(geometry) != nullptr) glfwSetWindowPos(window, geometry.x, std::max(0, geometry.y));
   glfwSetWindowSizeLimits(window, 320, 240, GLFW_DONT_CARE, GLFW_DONT_CARE);
   glfwMakeContextCurrent(window);
   self.functions = load_gl_functions(glfwGetProcAddress);
@@ -128,6 +153,7 @@ Window::Window(const std::string& title, const WindowGeometry& geometry)
   // Ours first: Dear ImGui's call those that were there before.
   glfwSetKeyCallback(window, Implementation::on_key);
   glfwSetScrollCallback(window, Implementation::on_scroll);
+  glfwSetMouseButtonCallback(window, Implementation::on_button);
   IMGUI_CHECKVERSION();
   self.interface = ImGui::CreateContext();
   ImGui::SetCurrentContext(self.interface);
@@ -175,6 +201,8 @@ PointerState Window::pointer() const {
   const double ratio = implementation_->pixel_ratio();
   out.x *= ratio;
   out.y *= ratio;
+  out.pressed_x = ratio * implementation_->pressed_x;
+  out.pressed_y = ratio * implementation_->pressed_y;
   out.scroll = implementation_->last_scroll;
   out.left = glfwGetMouseButton(window, GLFW_MOUSE_BUTTON_LEFT) == GLFW_PRESS;
   out.middle = glfwGetMouseButton(window, GLFW_MOUSE_BUTTON_MIDDLE) == GLFW_PRESS;
@@ -202,7 +230,8 @@ void Window::set_full_screen(bool on) {
   GLFWwindow* window = self.window.get();
   if (on) {
     self.windowed = geometry();
-    GLFWmonitor* monitor = glfwGetPrimaryMonitor();
+    GLFWmonitor* monitor = screen_of(self.windowed);
+    if (monitor == nullptr) monitor = glfwGetPrimaryMonitor();
     const GLFWvidmode* mode = monitor != nullptr ? glfwGetVideoMode(monitor) : nullptr;
     if (mode == nullptr) return;
     glfwSetWindowMonitor(window, monitor, 0, 0, mode->width, mode->height, mode->refreshRate);

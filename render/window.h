@@ -17,20 +17,24 @@ struct KeyEvent {
 };
 
 struct WindowGeometry {
-  int x = -1, y = -1, width = 1280, height = 960;  // screen coordinates; x < 0: wherever the system likes
+  // Screen coordinates. Where no screen would show it (x < 0, or the screen is gone) it is put wherever the system
+  // likes.
+  int x = -1, y = -1, width = 1280, height = 960;
   bool full_screen = false;
 };
 
 struct PointerState {
-  double x = 0, y = 0;  // framebuffer pixels from the top left
-  double scroll = 0;    // steps since the last poll
+  double x = 0, y = 0;                  // framebuffer pixels from the top left
+  double scroll = 0;                    // steps since the last poll
+  double pressed_x = 0, pressed_y = 0;  // where a button was pressed last, however long ago that is
   bool left = false, middle = false, right = false;
 };
 
 class Window {
  public:
-  // Opens it and makes its context current. Throws RunError with the reason (no display...) when it cannot be opened.
-  Window(const std::string& title, const WindowGeometry& geometry);
+  // Opens it and makes its context current; text and panels are `interface_scale` times their ordinary size. Throws
+  // RunError with the reason (no display...) when it cannot be opened.
+  Window(const std::string& title, const WindowGeometry& geometry, double interface_scale = 1);
   ~Window();
   Window(const Window&) = delete;
   Window& operator=(const Window&) = delete;

@@ -17,16 +17,16 @@ def both(name, solids, joint):
 
 
 def limb(points, radii, colour, segments=4):
-    return tube(points, radii, segments, colour)
+    """Never below the table."""
+    return tube(points, radii, segments, colour).mapped(lambda p: (p[0], p[1], max(p[2], 0.0)))
 
 
 def eyes(x, y, z, radius, look=(0.75, 0.35, 0.3)):
     """A pair: white balls with dark pupils that look forward."""
     length = math.sqrt(sum(c * c for c in look))
-    dx, dy, dz = (0.56 * radius * c / length for c in look)
-    white, pupil = ball(radius, 7, 5, WHITE).moved(x, y, z), ball(0.66 * radius, 6, 4, BLACK)
+    at = [tuple(p + share * radius * c / length for p, c in zip((x, y, z), look)) for share in (0.7, 1.07)]
     out = []
-    for solid in (white, pupil.moved(x + dx, y + dy, z + dz)):
+    for solid in (ball(radius, 7, 5, WHITE).moved(x, y, z), tube(at, [0.6 * radius, 0.5 * radius], 7, BLACK, 30)):
         out += [solid, solid.mirrored()]
     return out
 
@@ -36,17 +36,17 @@ def robot():
         # Around y, seen from the left: a tyre with blocks, a hub with five bolts.
         tyre = lathe([(0.155, -0.075), (0.2, -0.04), (0.2, 0.04), (0.155, 0.075)], 12, DARK, 30)
         tyre = tyre.painted(lambda m, c: BLACK if int(6 * (math.atan2(m[1], m[0]) / math.pi + 1)) % 2 else c)
-        hub = lathe([(0.12, 0.06), (0.11, 0.092)], 8, PALE, 30)
+        hub = lathe([(0.12, 0.06), (0.11, 0.092)], 7, PALE, 30)
         cap = lathe([(0.075, 0.08), (0.06, 0.115)], 5, ORANGE, 20)
         return [s.turned("x", -90) for s in (tyre, hub, cap)]
 
     tub = hull([(-0.44, 0.15, 0.17, 0.34), (-0.4, 0.2, 0.13, 0.37), (0.36, 0.2, 0.13, 0.37), (0.43, 0.16, 0.18, 0.33)],
                8, STEEL, 5)
     shell = hull([(-0.45, 0.17, 0.3, 0.37), (-0.42, 0.27, 0.27, 0.46), (-0.1, 0.29, 0.27, 0.5), (0.25, 0.28, 0.27, 0.46),
-                  (0.45, 0.22, 0.28, 0.36), (0.48, 0.16, 0.29, 0.33)], 12, WHITE, 4)
+                  (0.45, 0.22, 0.28, 0.36), (0.48, 0.16, 0.29, 0.33)], 10, WHITE, 4)
     stripe = hull([(-0.4, 0.075, 0.4, 0.47), (-0.1, 0.085, 0.44, 0.515), (0.25, 0.08, 0.4, 0.475), (0.45, 0.06, 0.3, 0.375)],
                   6, GREEN, 5)
-    lamp = lathe([(0.045, 0), (0.05, 0.02), (0.03, 0.035)], 7, YELLOW, 30).turned("y", 90).moved(0.44, 0.14, 0.315)
+    lamp = lathe([(0.045, 0), (0.05, 0.02), (0.03, 0.035)], 5, YELLOW, 30).turned("y", 90).moved(0.44, 0.14, 0.315)
     fender = hull([(-0.2, 0.07, 0.36, 0.4), (-0.14, 0.09, 0.38, 0.45), (0.14, 0.09, 0.38, 0.45), (0.2, 0.07, 0.36, 0.4)], 6,
                   GREEN, 4)
     fenders = [fender.moved(dx, 0.31) for dx in (-0.27, 0.27)]
@@ -55,10 +55,10 @@ def robot():
     body += fenders + [f.mirrored() for f in fenders]
 
     neck = lathe([(0.17, 0.48), (0.16, 0.545)], 12, DARK, 30)
-    head = lathe([(0.15, 0.535), (0.215, 0.57), (0.225, 0.63), (0.19, 0.72), (0.11, 0.775), (0, 0.79)], 14, WHITE)
-    collar = band([(0.232, 0.585), (0.232, 0.635), (0.2, 0.61)], 14, GREEN, 30)
+    head = lathe([(0.15, 0.535), (0.225, 0.6), (0.2, 0.71), (0.12, 0.77), (0, 0.79)], 12, WHITE)
+    collar = band([(0.232, 0.585), (0.232, 0.635), (0.2, 0.61)], 12, GREEN, 30)
     visor = hull([(0.08, 0.15, 0.645, 0.735), (0.2, 0.125, 0.645, 0.725), (0.225, 0.1, 0.655, 0.71)], 8, BLACK, 4)
-    eye = ball(0.03, 7, 4, SKY).moved(0.218, 0.045, 0.685)
+    eye = ball(0.03, 6, 3, SKY).moved(0.218, 0.045, 0.685)
     barrels = []
     for y in (0.17, -0.17):
         barrels += [

@@ -192,7 +192,7 @@ def flag():
 
     def corner(i, j, side):
         x = length * i / columns
-        return (-(0.015 + x), wave(x) + side * thick, top - height * j / rows - 0.05 * x)
+        return (-(0.015 + x), wave(x) - side * thick, top - height * j / rows - 0.05 * x)
 
     faces = []
     for i in range(columns):

@@ -22,7 +22,7 @@ class RunDrawingTest : public ::testing::Test {
     fs::remove_all(folder_);
     fs::create_directories(folder_);
     try {
-      RunDrawing probe(scene().camera(), 30, "", "");
+      RunDrawing probe(scene().camera(), 30, options("", folder_ / "probe"));
     } catch (const RunError& error) {
       reason_ = error.what();
     }
@@ -44,6 +44,12 @@ class RunDrawingTest : public ::testing::Test {
     }();
     return made;
   }
+  static RunDrawingOptions options(const std::string& video, const std::string& frames) {
+    RunDrawingOptions wanted;
+    wanted.video_path = video;
+    wanted.frames_folder = frames;
+    return wanted;
+  }
   static void draw_all(RunDrawing* drawing) {
     for (const Frame& frame : frames()) drawing->draw(frame, scene().tracked(frame.index), scene().shared_map());
   }
@@ -57,7 +63,7 @@ class RunDrawingTest : public ::testing::Test {
 
 TEST_F(RunDrawingTest, NoFrameIsMissingAndTheSameRunGivesTheSamePictures) {
   for (const char* run : {"a", "b"}) {
-    RunDrawing drawing(scene().camera(), 30, folder_ / (std::string(run) + ".avi"), folder_ / run);
+    RunDrawing drawing(scene().camera(), 30, options(folder_ / (std::string(run) + ".avi"), folder_ / run));
     draw_all(&drawing);
     drawing.close();
     drawing.close();  // once is enough, twice does no harm
@@ -84,7 +90,10 @@ TEST_F(RunDrawingTest, NoFrameIsMissingAndTheSameRunGivesTheSamePictures) {
 }
 
 TEST_F(RunDrawingTest, KeepingUpLeavesFramesOutAndCountsThem) {
-  RunDrawing drawing(scene().camera(), 30, "", folder_ / "frames", DrawingPace::keep_up, false, 2);
+  RunDrawingOptions wanted = options("", folder_ / "frames");
+  wanted.pace = DrawingPace::keep_up;
+  wanted.most_kept = 2;
+  RunDrawing drawing(scene().camera(), 30, wanted);
   const int pushed = 60;
   const TrackingResult tracked = scene().tracked(60);
   Frame frame = frames().front();
@@ -99,10 +108,10 @@ TEST_F(RunDrawingTest, KeepingUpLeavesFramesOutAndCountsThem) {
 }
 
 TEST_F(RunDrawingTest, WhatCannotBeWrittenIsSaid) {
-  EXPECT_THROW(RunDrawing(scene().camera(), 30, folder_ / "video.txt", ""), InputError);
-  EXPECT_THROW(RunDrawing(scene().camera(), 30, "", "/proc/nowhere"), RunError);
+  EXPECT_THROW(RunDrawing(scene().camera(), 30, options(folder_ / "video.txt", "")), InputError);
+  EXPECT_THROW(RunDrawing(scene().camera(), 30, options("", "/proc/nowhere")), RunError);
   // The folder goes away: the drawing thread finds out, and the caller is told.
-  RunDrawing drawing(scene().camera(), 30, "", folder_ / "gone");
+  RunDrawing drawing(scene().camera(), 30, options("", folder_ / "gone"));
   fs::remove_all(folder_ / "gone");
   EXPECT_THROW(
       {
@@ -114,7 +123,7 @@ TEST_F(RunDrawingTest, WhatCannotBeWrittenIsSaid) {
 
 TEST_F(RunDrawingTest, WithoutAnEndNoVideoIsLeft) {
   {
-    RunDrawing drawing(scene().camera(), 30, folder_ / "video.avi", "");
+    RunDrawing drawing(scene().camera(), 30, options(folder_ / "video.avi", ""));
     draw_all(&drawing);
   }
   EXPECT_EQ(files(folder_), 0U);

@@ -217,9 +217,7 @@ TEST_F(ReconnectingCameraTest, DamagedFramesAreDroppedCountedAndTold) {
   EXPECT_EQ(warnings[0].text, "fake:a: skipped: holds 100 bytes, expected 76800");
   EXPECT_EQ(warnings[1].frame, 11);
   EXPECT_EQ(warnings[1].text, "fake:a: skipped: holds 100 bytes, expected 76800 (10 frames)");
-  EXPECT_EQ(
-      camera->status().text.find(" frames are damaged: use another cable or port, not a hub") == std::string::npos,
-      false)
+  EXPECT_NE(camera->status().text.find(" frames are damaged: use another cable or port, not a hub"), std::string::npos)
       << camera->status().text;
   for (int i = 0; i < 5; ++i) frame = camera->next();
   EXPECT_EQ(frame->index, 46);
@@ -242,9 +240,9 @@ TEST_F(ReconnectingCameraTest, OnlyDamagedFramesForTenSecondsAreTold) {
     (by_driver ? fake->driver_says_damaged : fake->damaged) = bad;
     const auto camera = open();
     for (int i = 0; i < 5; ++i) camera->next();
-    const std::string text =
-        "the camera sends only damaged pictures: starting it again; if that does not help, use another cable or port, "
-        "not a hub";
+    const std::string text = std::string("the camera sends only damaged pictures (") +
+                             (by_driver ? "the driver reports a damaged frame" : "holds 100 bytes, expected 76800") +
+                             "): starting it again; if that does not help, use another cable or port, not a hub";
     Timestamp told{0};
     const Timestamp begun = bus_->now;
     bus_->on_wait = [&] {

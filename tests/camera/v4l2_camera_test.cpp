@@ -8,6 +8,7 @@
 #include <future>
 #include <memory>
 #include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <thread>
 
@@ -148,6 +149,40 @@ TEST_F(V4l2CameraTest, DamagedFramesAreSkippedWithAWarning) {
   warnings = camera->take_warnings();
   ASSERT_GE(warnings.size(), 2u) << "one a second";
   EXPECT_CONTAINS(warnings[0].text, "damaged JPEG");
+}
+
+TEST_F(V4l2CameraTest, DamagedMotionJpegIsDroppedAndTheNextIsWhole) {
+  cv::Mat1b image(240, 320);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) image(y, x) = static_cast<uchar>((3 * x + 5 * y) % 251);
+  }
+  std::vector<std::uint8_t> jpeg;
+  cv::imencode(".jpg", image, jpeg);
+  const cv::Mat1b decoded = cv::imdecode(jpeg, cv::IMREAD_GRAYSCALE);
+  FakeDevice device;
+  device.formats = {{kMjpg, 320, 240, {30}}};
+  device.paint = [&jpeg](std::uint32_t sequence, std::vector<std::uint8_t>& bytes) {
+    std::fill(bytes.begin(), bytes.end(), std::uint8_t{0});
+    const auto length = static_cast<std::ptrdiff_t>(sequence % 5 == 2 ? jpeg.size() / 2 : jpeg.size());
+    if (sequence % 5 != 3) std::copy(jpeg.begin(), jpeg.begin() + length, bytes.begin());
+    if (sequence % 5 == 1) std::fill(bytes.begin() + 2, bytes.begin() + 400, std::uint8_t{0xff});  // its header
+  };
+  system_->plug("/dev/video0", device);
+  const auto camera = open();
+  std::vector<int> numbers;
+  for (int i = 0; i < 40; ++i) {
+    const auto frame = camera->next();
+    ASSERT_TRUE(frame);
+    numbers.push_back(frame->index);
+    ASSERT_EQ(cv::norm(frame->grey, decoded, cv::NORM_INF), 0) << frame->index;
+  }
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    EXPECT_EQ(numbers[i], static_cast<int>(i / 2 * 5 + (i % 2 == 0 ? 0 : 4)));
+  }
+  EXPECT_EQ(camera->status().damaged, 60u);
+  EXPECT_EQ(camera->status().skipped, 0u);
+  EXPECT_CONTAINS(camera->status().text, " frames are damaged: use another cable or port, not a hub");
+  EXPECT_EQ(camera->status().state, CameraState::streaming);
 }
 
 TEST_F(V4l2CameraTest, ChoosesSizeThenRateThenFormat) {

@@ -9,9 +9,9 @@
 //   camera_capture_check busy     SOURCE WIDTH HEIGHT FPS       a second opening is refused
 //   camera_capture_check refused  [SOURCE TEXT]...                 opening fails with a line that holds TEXT
 //
-// FORMAT: a fourcc. PICTURE: `exact` (the test picture, to the last bit), `near` (the same through JPEG), `bars`
-// (vivid's colour bars), `any` (of which nothing is known; the size may be another one than was asked for, and the last
-// picture is kept as seen.pgm).
+// FORMAT: a fourcc. PICTURE: `test` (the test picture, to the last bit; through JPEG nearly so), `bars` (vivid's colour
+// bars), `any` (nothing is known of it, and the size may be another than was asked for; the last one is kept as
+// seen.pgm).
 #include <cmath>
 #include <condition_variable>
 #include <cstdio>

@@ -10,12 +10,12 @@ seconds() { cut -d' ' -f1 /proc/uptime; }
 load() { modprobe -d /kernel -S "$kernel" "$@"; }
 capture=/vm/camera_capture_check
 
-# check NAME COMMAND...: runs it, for a minute at most.
+# check NAME COMMAND...: runs it, for two minutes at most (a loaded machine may take half of that to load a program).
 check() {
   local name=$1
   shift
   echo "-- $(seconds) s: $name"
-  if timeout 60 "$@"; then
+  if timeout 120 "$@"; then
     passed=$((passed + 1))
   else
     echo "FAILED ($?): $name"

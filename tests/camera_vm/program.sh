@@ -6,7 +6,7 @@ sed 's/^Camera.width:.*/Camera.width: 640/' /vm/calibration.yaml >/tmp/calibrati
 check "a calibration for another size" bash -c '/vm/parallax live --headless --camera v4l2: --size 320x240 --calibration \
   /tmp/calibration.yaml --frames-limit 9 2>&1 | tee /dev/stderr |
   grep "/tmp/calibration.yaml: the calibration is for images of 640x240, found images of 320x240"'
-check "the program on the USB camera" timeout 55 /vm/parallax live --headless --camera v4l2: --size 320x240 \
+check "the program on the USB camera" timeout 110 /vm/parallax live --headless --camera v4l2: --size 320x240 \
   --calibration /vm/calibration.yaml --frames-limit $((frames - 5)) --trajectory /vm/trajectory.txt --report /vm/report.json
 pull_out
 # The true poses with the times instead of the frame numbers.

@@ -1,179 +1,14 @@
 // The real window on a virtual screen: keys pressed with xdotool, screenshots looked at.
-#include <gtest/gtest.h>
-#include <poll.h>
-#include <signal.h>
-#include <sys/wait.h>
-
-#include <chrono>
-#include <cstdlib>
-#include <filesystem>
 #include <nlohmann/json.hpp>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <optional>
 
 #include "render/synthetic_source.h"
-#include "tests/support/process.h"
+#include "tests/e2e/window_fixture.h"
 
 namespace parallax::testing {
 namespace {
 
-namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
-
-bool is_installed(const std::string& program) {
-  return run_process("/bin/sh", {"-c", "command -v " + program}).exit_code == 0;
-}
-
-// A child that is ended with the test.
-class Child {
- public:
-  Child(const std::vector<std::string>& words, const std::vector<std::string>& environment, int inherited = -1,
-        const std::string& output = "/dev/null") {
-    std::vector<std::string> copy = words;
-    std::vector<char*> argv;
-    for (auto& word : copy) argv.push_back(word.data());
-    argv.push_back(nullptr);
-    pid_ = fork();
-    if (pid_ != 0) return;
-    for (const auto& entry : environment) putenv(const_cast<char*>(entry.c_str()));
-    const int out = open(output.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
-    dup2(out, 1);
-    dup2(out, 2);
-    if (inherited >= 0) fcntl(inherited, F_SETFD, 0);
-    execvp(argv[0], argv.data());
-    _exit(127);
-  }
-  ~Child() {
-    if (pid_ <= 0) return;
-    kill(pid_, SIGKILL);
-    waitpid(pid_, nullptr, 0);
-  }
-  Child(const Child&) = delete;
-  Child& operator=(const Child&) = delete;
-
-  // The exit code; nothing when it has not ended in time.
-  std::optional<int> wait_for(std::chrono::seconds patience) {
-    const auto end = Clock::now() + patience;
-    while (Clock::now() < end) {
-      int status = 0;
-      if (waitpid(pid_, &status, WNOHANG) == pid_) {
-        pid_ = -1;
-        return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-      }
-      poll(nullptr, 0, 20);
-    }
-    return std::nullopt;
-  }
-
- private:
-  pid_t pid_ = -1;
-};
-
-class WindowTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    for (const char* program : {"Xvfb", "xdotool"})
-      if (!is_installed(program)) GTEST_SKIP() << program << " is not installed";
-    int number[2];
-    ASSERT_EQ(pipe2(number, O_CLOEXEC), 0);
-    screen_.emplace(std::vector<std::string>{"Xvfb", "-displayfd", std::to_string(number[1]), "-screen", "0",
-                                             "800x600x24", "-nolisten", "tcp"},
-                    std::vector<std::string>{}, number[1]);
-    close(number[1]);
-    // The number comes before its newline: with the pipe closed in between the server would end.
-    std::string text;
-    pollfd ready{number[0], POLLIN, 0};
-    for (char c = 0; c != '\n' && poll(&ready, 1, 30'000) == 1 && read(number[0], &c, 1) == 1;) text += c;
-    if (text.size() > 1 && text.back() == '\n') display_ = ":" + text.substr(0, text.size() - 1);
-    close(number[0]);
-    ASSERT_FALSE(display_.empty()) << "Xvfb did not start";
-    fs::create_directories(folder_.path() / "parallax");
-    folder_.write("parallax/state.yaml",
-                  "window: {x: 0, y: 0, width: 640, height: 480, full_screen: false}\nfuture: kept\n");
-  }
-
-  std::vector<std::string> environment() const {
-    return {"DISPLAY=" + display_,
-            "WAYLAND_DISPLAY=",
-            "PARALLAX_SETTINGS=",
-            "LIBGL_ALWAYS_SOFTWARE=1",
-            "XDG_CONFIG_HOME=" + folder_.path().string(),
-            "XDG_DATA_HOME=" + folder_.path().string()};
-  }
-  void start(const std::string& camera, std::vector<std::string> more = {}) {
-    std::vector<std::string> words{
-        PARALLAX_BINARY,       "live", "--camera", camera, "--output", folder_.file("out"), "--report",
-        folder_.file("r.json")};
-    words.insert(words.end(), more.begin(), more.end());
-    program_.emplace(words, environment(), -1, folder_.file("log"));
-  }
-  std::string xdotool(std::vector<std::string> words) const {
-    return run_process("/usr/bin/env",
-                       [&] {
-                         words.insert(words.begin(), "xdotool");
-                         return words;
-                       }(),
-                       {"DISPLAY=" + display_})
-        .out;
-  }
-  void key(const std::string& name) const { xdotool({"key", name}); }
-  // Waits until the window's title holds the text.
-  bool title_says(const std::string& text, int seconds = 40) const {
-    const auto end = Clock::now() + std::chrono::seconds(seconds);
-    while (Clock::now() < end) {
-      if (xdotool({"search", "--name", "Parallax", "getwindowname"}).find(text) != std::string::npos) return true;
-      poll(nullptr, 0, 30);
-    }
-    return false;
-  }
-  int pictures() const {
-    int count = 0;
-    std::error_code none;
-    for (const auto& entry : fs::directory_iterator(folder_.path() / "out", none))
-      count += entry.path().extension() == ".png" ? 1 : 0;
-    return count;
-  }
-  // Presses F12 and reads what it left.
-  cv::Mat3b screenshot() const {
-    std::vector<fs::path> before, now;
-    const auto list = [&](std::vector<fs::path>* out) {
-      std::error_code none;
-      for (const auto& entry : fs::directory_iterator(folder_.path() / "out", none))
-        if (entry.path().extension() == ".png") out->push_back(entry.path());
-    };
-    list(&before);
-    key("F12");
-    const auto end = Clock::now() + std::chrono::seconds(20);
-    while (Clock::now() < end) {
-      now.clear();
-      list(&now);
-      for (const auto& path : now)
-        if (std::find(before.begin(), before.end(), path) == before.end()) return cv::imread(path.string());
-      poll(nullptr, 0, 30);
-    }
-    return {};
-  }
-  // Space, a slide to the right, Space; again when that was not enough.
-  bool initialise() const {
-    for (int attempt = 0; attempt < 3; ++attempt) {
-      key("space");
-      if (!title_says("trailing", 15)) continue;
-      xdotool({"keydown", attempt % 2 == 0 ? "Right" : "Left"});
-      poll(nullptr, 0, 1300);
-      xdotool({"keyup", attempt % 2 == 0 ? "Right" : "Left"});
-      poll(nullptr, 0, 500);
-      key("space");
-      if (title_says("tracking", 15)) return true;
-    }
-    return false;
-  }
-
-  ScratchFolder folder_;
-  std::string display_;
-  std::optional<Child> screen_, program_;
-};
+class WindowTest : public WindowFixture {};
 
 // How many pixels have the colour of the grid: blue-green, lighter than anything of the desk.
 int grid_pixels(const cv::Mat3b& picture) {
@@ -249,6 +84,45 @@ TEST_F(WindowTest, UnknownLensIsAskedForAndMarked) {
   ASSERT_TRUE(code.has_value()) << "SIGTERM does not end it";
   EXPECT_EQ(*code, 0) << read_all(folder_.file("log"));
   EXPECT_FALSE(nlohmann::json::parse(read_all(folder_.file("r.json")), nullptr, false).is_discarded());
+}
+
+// Quit with a video and a recording running and the slide begun: everything is whole. The keys are those of the
+// settings.
+TEST_F(WindowTest, QuittingInTheMiddleLeavesWholeFiles) {
+  folder_.write("parallax/settings.yaml", "keys: {initialise: I, quit: [X, Escape], video: Shift+V}\n");
+  start("synthetic:desk?size=160x120", {"--record", folder_.file("session.parallax")});
+  ASSERT_TRUE(title_says("waiting")) << read_all(folder_.file("log"));
+  key("shift+v");
+  const auto files = [&](const std::string& extension) {
+    int count = 0;
+    std::error_code none;
+    for (const auto& entry : fs::directory_iterator(folder_.path() / "out", none))
+      count += entry.path().extension() == extension ? 1 : 0;
+    return count;
+  };
+  const auto end = Clock::now() + std::chrono::seconds(20);
+  while (files(".mp4") == 0 && Clock::now() < end) poll(nullptr, 0, 30);
+  key("space");  // is no key of this window
+  key("i");
+  ASSERT_TRUE(title_says("trailing"));
+  const cv::Mat3b picture = screenshot();
+  EXPECT_FALSE(picture.empty());
+  key("x");
+  const auto code = program_->wait_for(std::chrono::seconds(30));
+  ASSERT_TRUE(code.has_value()) << "the key of the settings does not quit";
+  EXPECT_EQ(*code, 0) << read_all(folder_.file("log"));
+  int hidden = 0;
+  std::string video;
+  for (const auto& entry : fs::directory_iterator(folder_.path() / "out")) {
+    if (entry.path().filename().string().front() == '.') ++hidden;
+    if (entry.path().extension() == ".mp4") video = entry.path().string();
+  }
+  EXPECT_EQ(hidden, 0) << "something half-written was left";
+  ASSERT_FALSE(video.empty());
+  EXPECT_GT(fs::file_size(video), 2000u);
+  // Nothing was mapped: played again, it says so.
+  const auto replay = run_process(PARALLAX_BINARY, {"run", folder_.file("session.parallax")});
+  EXPECT_EQ(replay.exit_code, 1) << replay.err;
 }
 
 TEST_F(WindowTest, NoSuchCameraEndsWithOneLine) {

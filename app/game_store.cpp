@@ -1,0 +1,149 @@
+#include "app/game_store.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "app/user_settings.h"
+#include "core/error.h"
+#include "core/file_io.h"
+
+namespace parallax {
+namespace {
+
+constexpr std::array<const char*, 3> kDifficulties{"easy", "normal", "hard"};
+// A saved game is a few hundred kilobytes at most; what is larger was not written here.
+constexpr std::uintmax_t kLargestFile = 32u << 20;
+
+std::string key_of(const std::string& game, GameDifficulty difficulty) {
+  return game + "/" + difficulty_name(difficulty);
+}
+
+// The value of a key when it is there and of the kind of `out`.
+void take(const nlohmann::json& from, const char* key, bool* out) {
+  const auto it = from.find(key);
+  if (it != from.end() && it->is_boolean()) *out = it->get<bool>();
+}
+
+void take_scores(const nlohmann::json& from, GameStore* store) {
+  if (!from.is_object()) return;
+  for (const auto& [name, list] : from.items()) {
+    if (!list.is_array()) continue;
+    std::vector<GameScore>& scores = store->scores[name];
+    for (const auto& entry : list) {
+      if (!entry.is_object() || !entry.contains("score") || !entry["score"].is_number_integer()) continue;
+      GameScore score{entry["score"].get<std::int64_t>(), ""};
+      if (entry.contains("when") && entry["when"].is_string())
+        score.when = entry["when"].get<std::string>().substr(0, 10);
+      if (scores.size() < GameStore::kScoresKept) scores.push_back(score);
+    }
+    std::stable_sort(scores.begin(), scores.end(), [](const auto& a, const auto& b) { return a.score > b.score; });
+  }
+}
+
+GameStore parse(const nlohmann::json& json) {
+  GameStore store;
+  if (!json.is_object()) return store;
+  if (json.contains("volume") && json["volume"].is_number()) {
+    const double volume = json["volume"].get<double>();
+    if (std::isfinite(volume)) store.volume = std::clamp(volume, 0.0, 1.0);
+  }
+  take(json, "mute", &store.mute);
+  take(json, "occlusion", &store.occlusion);
+  take(json, "seated", &store.seated);
+  take(json, "colour_blind_safe", &store.colour_blind_safe);
+  if (json.contains("difficulty") && json["difficulty"].is_string()) {
+    const auto at = std::find(kDifficulties.begin(), kDifficulties.end(), json["difficulty"].get<std::string>());
+    if (at != kDifficulties.end()) store.difficulty = static_cast<GameDifficulty>(at - kDifficulties.begin());
+  }
+  if (json.contains("settings") && json["settings"].is_object()) {
+    for (const auto& [game, values] : json["settings"].items()) {
+      if (!values.is_object()) continue;
+      for (const auto& [name, value] : values.items())
+        if (value.is_number() && std::isfinite(value.get<double>())) store.settings[game][name] = value.get<double>();
+    }
+  }
+  if (json.contains("scores")) take_scores(json["scores"], &store);
+  if (json.contains("left") && json["left"].is_object()) {
+    for (const auto& [game, text] : json["left"].items())
+      if (text.is_string()) store.left[game] = text.get<std::string>();
+  }
+  return store;
+}
+
+}  // namespace
+
+const char* difficulty_name(GameDifficulty difficulty) { return kDifficulties[static_cast<std::size_t>(difficulty)]; }
+
+int GameStore::add_score(const std::string& game, GameDifficulty scored_at, std::int64_t score,
+                         const std::string& when) {
+  if (score <= 0) return 0;
+  std::vector<GameScore>& list = scores[key_of(game, scored_at)];
+  const auto place =
+      std::find_if(list.begin(), list.end(), [&](const GameScore& other) { return other.score < score; });
+  const auto index = static_cast<std::size_t>(place - list.begin());
+  if (index >= kScoresKept) return 0;
+  list.insert(place, {score, when});
+  if (list.size() > kScoresKept) list.resize(kScoresKept);
+  return static_cast<int>(index) + 1;
+}
+
+const std::vector<GameScore>& GameStore::best(const std::string& game, GameDifficulty scored_at) const {
+  static const std::vector<GameScore> none;
+  const auto it = scores.find(key_of(game, scored_at));
+  return it != scores.end() ? it->second : none;
+}
+
+GameOptions GameStore::options(const std::string& game, std::uint64_t seed) const {
+  GameOptions out;
+  out.seed = seed;
+  out.difficulty = difficulty;
+  out.seated = seated;
+  out.colour_blind_safe = colour_blind_safe;
+  if (const auto it = settings.find(game); it != settings.end())
+    for (const auto& [name, value] : it->second) out.settings.emplace_back(name, value);
+  return out;
+}
+
+std::string game_store_path() {
+  const std::string state = state_path();
+  if (state.empty()) return "";
+  return (std::filesystem::path(state).parent_path() / "games.json").string();
+}
+
+GameStore read_game_store(const std::string& path) {
+  std::error_code error;
+  const std::uintmax_t size = path.empty() ? 0 : std::filesystem::file_size(path, error);
+  if (path.empty() || error || size > kLargestFile) return {};
+  std::ifstream in(path);
+  const nlohmann::json json = nlohmann::json::parse(in, nullptr, false);
+  return json.is_discarded() ? GameStore{} : parse(json);
+}
+
+void write_game_store(const GameStore& store, const std::string& path) {
+  if (path.empty()) return;
+  nlohmann::json json;
+  json["volume"] = store.volume;
+  json["mute"] = store.mute;
+  json["occlusion"] = store.occlusion;
+  json["difficulty"] = difficulty_name(store.difficulty);
+  json["seated"] = store.seated;
+  json["colour_blind_safe"] = store.colour_blind_safe;
+  json["settings"] = store.settings;
+  json["left"] = store.left;
+  json["scores"] = nlohmann::json::object();
+  for (const auto& [name, list] : store.scores) {
+    nlohmann::json& out = json["scores"][name] = nlohmann::json::array();
+    for (const GameScore& score : list) out.push_back({{"score", score.score}, {"when", score.when}});
+  }
+  std::error_code error;
+  std::filesystem::create_directories(std::filesystem::path(path).parent_path(), error);
+  write_file_atomically(path, [&](std::ostream& out) {
+    out << json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
+  });
+}
+
+}  // namespace parallax

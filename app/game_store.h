@@ -1,0 +1,46 @@
+// What is kept of the games from one time to the next: high scores, how the player likes them, and the state of a game
+// that was left. JSON, beside the program's state ($XDG_DATA_HOME/parallax/games.json).
+//
+// A value. What cannot be read is none: it is only a convenience.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "games/game.h"
+
+namespace parallax {
+
+struct GameScore {
+  std::int64_t score = 0;
+  std::string when;  // "2026-11-22", empty: not known
+};
+
+struct GameStore {
+  static constexpr std::size_t kScoresKept = 10;
+
+  double volume = 0.7;  // of sounds, 0..1
+  bool mute = false, occlusion = true;
+  GameDifficulty difficulty = GameDifficulty::normal;
+  bool seated = false, colour_blind_safe = true;
+  std::map<std::string, std::map<std::string, double>> settings;  // by game and name
+  std::map<std::string, std::vector<GameScore>> scores;           // by "game/difficulty", best first
+  std::map<std::string, std::string> left;                        // by game: Game::save() when it was left
+
+  // Keeps a score when it is among the best; its place from 1, 0: it is not. Scores of 0 are none.
+  int add_score(const std::string& game, GameDifficulty scored_at, std::int64_t score, const std::string& when);
+  const std::vector<GameScore>& best(const std::string& game, GameDifficulty scored_at) const;
+  GameOptions options(const std::string& game, std::uint64_t seed) const;
+};
+
+const char* difficulty_name(GameDifficulty difficulty);  // "easy"
+
+// $XDG_DATA_HOME/parallax/games.json; empty when there is no home.
+std::string game_store_path();
+GameStore read_game_store(const std::string& path);
+// Written beside and renamed. Throws RunError.
+void write_game_store(const GameStore& store, const std::string& path);
+
+}  // namespace parallax

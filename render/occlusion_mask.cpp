@@ -1,0 +1,206 @@
+#include "render/occlusion_mask.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <string>
+
+#include "core/error.h"
+
+namespace parallax {
+namespace {
+
+constexpr int kBlock = 8;  // cells along a side
+
+struct Span {
+  double from, to;
+};
+
+// Where along a ray the coordinate lies between two values.
+Span within(double origin, double direction, double low, double high) {
+  if (std::abs(direction) < 1e-12) {
+    const bool inside = origin >= low && origin < high;
+    return inside ? Span{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()}
+                  : Span{1, 0};
+  }
+  const double a = (low - origin) / direction, b = (high - origin) / direction;
+  return {std::min(a, b), std::max(a, b)};
+}
+
+// Walks over the squares of a grid that a ray crosses, from one distance to another.
+class GridWalk {
+ public:
+  GridWalk(const Eigen::Vector2d& corner, double side, const Eigen::Vector3d& from, const Eigen::Vector3d& along,
+           double start)
+      : at_(start) {
+    for (int k = 0; k < 2; ++k) {
+      const double place = (from[k] + start * along[k] - corner[k]) / side;
+      square_[k] = static_cast<int>(std::floor(place));
+      const bool rising = along[k] > 0;
+      move_[k] = rising ? 1 : -1;
+      if (std::abs(along[k]) < 1e-12) {
+        next_[k] = pace_[k] = std::numeric_limits<double>::infinity();
+      } else {
+        pace_[k] = side / std::abs(along[k]);
+        next_[k] = (corner[k] + side * (square_[k] + (rising ? 1 : 0)) - from[k]) / along[k];
+      }
+    }
+  }
+  double enters() const { return at_; }
+  double leaves() const { return std::min(next_[0], next_[1]); }
+  int column() const { return square_[0]; }
+  int row() const { return square_[1]; }
+  void go_on() {
+    const int k = next_[0] < next_[1] ? 0 : 1;
+    at_ = std::max(at_, next_[k]);
+    next_[k] += pace_[k];
+    square_[k] += move_[k];
+  }
+
+ private:
+  double at_, next_[2], pace_[2];
+  int square_[2], move_[2];
+};
+
+}  // namespace
+
+void OcclusionMaskOptions::validate() const {
+  const auto want = [](bool good, const char* field, double found, const char* expected) {
+    if (!good)
+      throw InputError(std::string("occlusion.") + field + ": found " + std::to_string(found) + ", expected " +
+                       expected);
+  };
+  want(width >= 16, "width", width, "at least 16");
+  want(edge_reach >= 0 && edge_reach <= 16, "edge_reach", edge_reach, "0 to 16");
+  want(edge_noise > 0, "edge_noise", edge_noise, "more than 0");
+}
+
+OcclusionMask::OcclusionMask(const CameraModel& camera, const OcclusionMaskOptions& options)
+    : options_((options.validate(), options)) {
+  const double scale = static_cast<double>(camera.width()) / options_.width;
+  rows_ = std::max(1, static_cast<int>(std::lround(camera.height() / scale)));
+  const double scale_y = static_cast<double>(camera.height()) / rows_;
+  for (int y = 0; y < rows_; ++y) {
+    for (int x = 0; x < options_.width; ++x) {
+      Eigen::Vector3d ray;
+      if (!camera.unproject({(x + 0.5) * scale - 0.5, (y + 0.5) * scale_y - 0.5}, &ray)) ray.setZero();
+      rays_.push_back(ray);
+    }
+  }
+}
+
+void OcclusionMask::note(const SceneSurface& surface) {
+  if (noted_ == surface.height_m.data() && noted_version_ == surface.version) return;
+  noted_ = surface.height_m.data();
+  noted_version_ = surface.version;
+  block_columns_ = (surface.columns + kBlock - 1) / kBlock;
+  block_rows_ = (surface.rows + kBlock - 1) / kBlock;
+  block_height_.assign(static_cast<std::size_t>(block_columns_) * static_cast<std::size_t>(block_rows_), 0);
+  highest_ = 0;
+  for (int row = 0; row < surface.rows; ++row) {
+    for (int column = 0; column < surface.columns; ++column) {
+      const float height = surface.height_m[surface.index(column, row)];
+      float& block = block_height_[static_cast<std::size_t>(row / kBlock) * static_cast<std::size_t>(block_columns_) +
+                                   static_cast<std::size_t>(column / kBlock)];
+      block = std::max(block, height);
+      highest_ = std::max(highest_, static_cast<double>(height));
+    }
+  }
+}
+
+// How far along a ray, in lengths of `along`, it meets something that stands on the plane; 0: nothing.
+double OcclusionMask::meet(const SceneSurface& surface, const Eigen::Vector3d& from,
+                           const Eigen::Vector3d& along) const {
+  const Span up = within(from.z(), along.z(), 0, highest_);
+  const Span x =
+      within(from.x(), along.x(), surface.corner_m.x(), surface.corner_m.x() + surface.columns * surface.cell_m);
+  const Span y =
+      within(from.y(), along.y(), surface.corner_m.y(), surface.corner_m.y() + surface.rows * surface.cell_m);
+  const double start = std::max({0.0, up.from, x.from, y.from}), end = std::min({up.to, x.to, y.to});
+  if (!(start < end)) return 0;
+  const auto lowest = [&](double a, double b) { return from.z() + along.z() * (along.z() < 0 ? b : a); };
+  GridWalk blocks(surface.corner_m, kBlock * surface.cell_m, from, along, start);
+  for (; blocks.enters() < end; blocks.go_on()) {
+    if (blocks.column() < 0 || blocks.row() < 0 || blocks.column() >= block_columns_ || blocks.row() >= block_rows_)
+      continue;  // by rounding, at the rim
+    const float height =
+        block_height_[static_cast<std::size_t>(blocks.row()) * static_cast<std::size_t>(block_columns_) +
+                      static_cast<std::size_t>(blocks.column())];
+    const double leave = std::min(blocks.leaves(), end);
+    if (!(height > 0) || height <= lowest(blocks.enters(), leave)) continue;
+    GridWalk cells(surface.corner_m, surface.cell_m, from, along, blocks.enters());
+    for (; cells.enters() < leave; cells.go_on()) {
+      if (!surface.contains(cells.column(), cells.row())) continue;
+      const double h = surface.height_m[surface.index(cells.column(), cells.row())];
+      const double out = std::min(cells.leaves(), leave);
+      if (!(h > 0) || h <= lowest(cells.enters(), out)) continue;
+      const double bottom = surface.underside(cells.column(), cells.row());
+      const double at = from.z() + along.z() * cells.enters();
+      if (at > h) return (h - from.z()) / along.z();  // through its top
+      if (at >= bottom) return cells.enters();        // through its side
+      if (along.z() > 0 && from.z() + along.z() * out > bottom) return (bottom - from.z()) / along.z();
+    }
+  }
+  return 0;
+}
+
+cv::Mat1f OcclusionMask::update(const SceneSurface& surface, const RigidTransform& camera_from_world,
+                                const GreyImage& image) {
+  cv::Mat1f depth(rows_, options_.width, 0.0f);
+  if (surface.empty()) return depth;
+  note(surface);
+  if (!(highest_ > 0)) return depth;
+  const RigidTransform plane_from_camera = (camera_from_world * surface.world_from_plane).inverse();
+  if (!(plane_from_camera.t.z() > 0)) return depth;
+  std::size_t i = 0;
+  for (int y = 0; y < rows_; ++y) {
+    for (int x = 0; x < options_.width; ++x, ++i) {
+      if (rays_[i].z() > 0)
+        depth(y, x) = static_cast<float>(meet(surface, plane_from_camera.t, plane_from_camera.R * rays_[i]));
+    }
+  }
+  if (!image.empty() && options_.edge_reach > 0) align(image, &depth);
+  return depth;
+}
+
+void OcclusionMask::align(const GreyImage& image, cv::Mat1f* depth) const {
+  const int reach = static_cast<int>(std::lround(options_.edge_reach));
+  cv::Mat1b stands;
+  cv::compare(*depth, 0, stands, cv::CMP_GT);
+  const int there = cv::countNonZero(stands);
+  if (there == 0 || there == static_cast<int>(stands.total())) return;
+  cv::Mat small;
+  cv::resize(image, small, stands.size(), 0, 0, cv::INTER_AREA);
+  cv::Mat1f guide, mask;
+  small.convertTo(guide, CV_32F);
+  stands.convertTo(mask, CV_32F, 1 / 255.0);
+  const cv::Size window(2 * reach + 1, 2 * reach + 1);
+  const auto mean = [&](const cv::Mat1f& of) {
+    cv::Mat1f out;
+    cv::blur(of, out, window);
+    return out;
+  };
+  const cv::Mat1f mean_guide = mean(guide), mean_mask = mean(mask);
+  const cv::Mat1f variance = mean(guide.mul(guide)) - mean_guide.mul(mean_guide);
+  const cv::Mat1f covariance = mean(guide.mul(mask)) - mean_guide.mul(mean_mask);
+  const cv::Mat1f slope = covariance / (variance + options_.edge_noise * options_.edge_noise);
+  const cv::Mat1f offset = mean_mask - slope.mul(mean_guide);
+  const cv::Mat1f fitted = mean(slope).mul(guide) + mean(offset);
+  // Depth where the outline moved outwards: of the nearest thing in reach.
+  cv::Mat1f nearest = depth->clone();
+  nearest.setTo(std::numeric_limits<float>::max(), *depth <= 0);
+  cv::erode(nearest, nearest, cv::Mat1b::ones(window));
+  for (int y = 0; y < depth->rows; ++y) {
+    for (int x = 0; x < depth->cols; ++x) {
+      float& d = (*depth)(y, x);
+      if (fitted(y, x) < 0.5f) {
+        d = 0;
+      } else if (!(d > 0) && nearest(y, x) < std::numeric_limits<float>::max()) {
+        d = nearest(y, x);
+      }
+    }
+  }
+}
+
+}  // namespace parallax
