@@ -73,8 +73,10 @@ int Sheet::steps_for(const Material& material, double dt_s) {
 }
 
 void Sheet::conduct(const Material& material, const SheetBox& box, double dt_s) {
-  const float spread = static_cast<float>(diffusivity_in_cells(material) * dt_s);
-  const float keep = static_cast<float>(1 - material.cooling_per_s * dt_s) - 4 * spread;
+  // What the air takes is exact however long the step is; what flows to the neighbours is explicit.
+  const double cooled = std::exp(-material.cooling_per_s * dt_s), share = diffusivity_in_cells(material) * dt_s;
+  const float spread = static_cast<float>(cooled * share);
+  const float keep = static_cast<float>(cooled * (1 - 4 * share));
   for (int row = box.bottom; row < box.top; ++row) {
     const float* here = temperature_.data() + SheetGrid::index(0, row);
     const float* below = row > 0 ? here - kSheetCells : here;

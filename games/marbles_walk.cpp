@@ -12,8 +12,7 @@ namespace {
 
 constexpr float kRoom = kMarbleRadius + 0.2f;     // kept free around a marble's centre
 constexpr float kRimRoom = kMarbleRadius + 0.4f;  // and from the rim
-constexpr float kStepTolerance = 0.06f;           // heights that are rolled over
-constexpr float kSteepest = 0.24f;                // tangent of the slope that is rolled up
+constexpr float kStepTolerance = 0.025f;          // heights that are rolled over
 constexpr float kEasyClearance = 1.0f;            // ways with less room than this count more
 constexpr float kTightCost = 4;
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
@@ -28,8 +27,16 @@ constexpr Neighbour kNeighbours[] = {{1, 0, 1},         {-1, 0, 1},         {0, 
 
 struct StencilCell {
   int dx, dy;
-  float tolerance;
 };
+
+// Whether the surface goes on from one cell to another without an edge: the rise lies between what either's slope would
+// make of the way. Over a ramp's foot and its upper end it does, off its side it does not.
+bool goes_on(const WalkMap& walk, std::size_t from, std::size_t to) {
+  const Eigen::Vector2f way = walk.grid.centre(to) - walk.grid.centre(from);
+  const float rise = walk.height[to] - walk.height[from];
+  const auto [least, most] = std::minmax({walk.slope[from].dot(way), walk.slope[to].dot(way)});
+  return rise >= least - kStepTolerance && rise <= most + kStepTolerance;
+}
 
 std::vector<StencilCell> stencil_of(float cell) {
   std::vector<StencilCell> stencil;
@@ -38,8 +45,7 @@ std::vector<StencilCell> stencil_of(float cell) {
     for (int dx = -reach; dx <= reach; ++dx) {
       const auto gap = [&](int d) { return std::max(0.0f, (static_cast<float>(std::abs(d)) - 0.5f) * cell); };
       if ((dx == 0 && dy == 0) || std::hypot(gap(dx), gap(dy)) >= kRoom) continue;
-      const float distance = cell * std::hypot(static_cast<float>(dx), static_cast<float>(dy));
-      stencil.push_back({dx, dy, kStepTolerance + kSteepest * distance});
+      stencil.push_back({dx, dy});
     }
   return stencil;
 }
@@ -51,10 +57,7 @@ void for_each_step(const WalkMap& walk, std::size_t at, const Relax& relax) {
   for (const Neighbour& step : kNeighbours) {
     if (!walk.grid.contains(column + step.dx, row + step.dy)) continue;
     const std::size_t next = walk.grid.index(column + step.dx, row + step.dy);
-    const float length = step.length * walk.grid.cell;
-    if (!walk.drivable[next] || std::abs(walk.height[next] - walk.height[at]) > kStepTolerance + kSteepest * length)
-      continue;
-    relax(next, length);
+    if (walk.drivable[next] && goes_on(walk, at, next)) relax(next, step.length * walk.grid.cell);
   }
 }
 
@@ -140,9 +143,15 @@ WalkMap make_walk_map(const TableGround& ground, const std::vector<TableRamp>& r
   walk.grid = ground.grid;
   const TableGrid& grid = walk.grid;
   walk.height = ground.height;
+  walk.slope.assign(grid.size(), Eigen::Vector2f::Zero());
   for (const TableRamp& ramp : ramps)
-    for (std::size_t i = 0; i < grid.size(); ++i)
-      if (const auto height = ramp_height(ramp, grid.centre(i))) walk.height[i] = std::max(walk.height[i], *height);
+    for (std::size_t i = 0; i < grid.size(); ++i) {
+      const auto height = ramp_height(ramp, grid.centre(i));
+      if (!height || *height < walk.height[i]) continue;
+      walk.height[i] = *height;
+      const bool rises = (grid.centre(i) - ramp.foot).dot(ramp.uphill) < ramp.length;
+      walk.slope[i] = rises ? Eigen::Vector2f(ramp.height / ramp.length * ramp.uphill) : Eigen::Vector2f(0, 0);
+    }
 
   walk.drivable.assign(grid.size(), 0);
   const std::vector<StencilCell> stencil = stencil_of(grid.cell);
@@ -150,8 +159,7 @@ WalkMap make_walk_map(const TableGround& ground, const std::vector<TableRamp>& r
     if (distance_inside(ground.outline, grid.centre(i)) < kRimRoom) continue;
     const int column = grid.column_of(i), row = grid.row_of(i);
     walk.drivable[i] = std::all_of(stencil.begin(), stencil.end(), [&](const StencilCell& at) {
-      return grid.contains(column + at.dx, row + at.dy) &&
-             std::abs(walk.height[grid.index(column + at.dx, row + at.dy)] - walk.height[i]) <= at.tolerance;
+      return grid.contains(column + at.dx, row + at.dy) && goes_on(walk, i, grid.index(column + at.dx, row + at.dy));
     });
   }
   measure_clearance(&walk);
@@ -188,9 +196,7 @@ bool straight_is_free(const WalkMap& walk, const Eigen::Vector2f& from, const Ei
   for (int k = 0; k <= steps; ++k) {
     const auto at = walk.cell_at(from + (to - from) * (static_cast<float>(k) / static_cast<float>(steps)));
     if (!at || !walk.drivable[*at]) return false;
-    if (last &&
-        std::abs(walk.height[*at] - walk.height[*last]) > kStepTolerance + kSteepest * kDiagonal * walk.grid.cell)
-      return false;
+    if (last && !goes_on(walk, *last, *at)) return false;
     last = at;
   }
   return true;

@@ -16,6 +16,7 @@ namespace parallax {
 struct WalkMap {
   TableGrid grid;
   std::vector<float> height;           // of what a marble would roll on, ramps included
+  std::vector<Eigen::Vector2f> slope;  // of that, rise a length: on ramps, else 0
   std::vector<std::uint8_t> drivable;  // a marble of this game can be here without touching or falling
   std::vector<float> clearance;        // distance to where it cannot; 0 there
   std::vector<int> area;               // number of the connected area, -1 where it cannot be

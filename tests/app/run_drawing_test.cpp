@@ -22,7 +22,7 @@ class RunDrawingTest : public ::testing::Test {
     fs::remove_all(folder_);
     fs::create_directories(folder_);
     try {
-      RunDrawing probe(scene().camera(), 30, options("", folder_ / "probe"));
+      RunDrawing probe(scene().camera(), 30, options("", folder_));
     } catch (const RunError& error) {
       reason_ = error.what();
     }
