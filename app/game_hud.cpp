@@ -49,7 +49,7 @@ void draw_cross_hairs(ImDrawList* list, const PictureArea& a) {
 }  // namespace
 
 void draw_game_hud(const GameHudView& view) {
-  ImDrawList* list = ImGui::GetForegroundDrawList();
+  ImDrawList* list = ImGui::GetBackgroundDrawList();
   const PictureArea& a = view.area;
   const float unit = ImGui::GetFontSize();
   if (view.hud.cross_hairs && view.status.empty()) draw_cross_hairs(list, a);

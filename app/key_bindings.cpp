@@ -39,6 +39,10 @@ constexpr std::array<ActionText, kActions> kActionTexts = {{
     {"full_screen", "full screen"},
     {"screenshot", "screenshot"},
     {"quit", "quit"},
+    {"game_pause", "games: pause, and go on"},
+    {"game_act", "games: the second button (bomb, undo...)"},
+    {"game_more", "games: more (focal length...)"},
+    {"game_less", "games: less"},
     {"move_left", "synthetic camera: left"},
     {"move_right", "synthetic camera: right"},
     {"move_up", "synthetic camera: up"},
@@ -174,6 +178,10 @@ KeyBindings::KeyBindings() : chords_(kActions) {
   bind(Action::screenshot, "F12");
   bind(Action::quit, "Escape");
   bind(Action::quit, "Q");
+  bind(Action::game_pause, "B");
+  bind(Action::game_act, "E");
+  bind(Action::game_more, "X");
+  bind(Action::game_less, "Z");
   bind(Action::move_left, "Left");
   bind(Action::move_left, "A");
   bind(Action::move_right, "Right");

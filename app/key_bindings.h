@@ -36,7 +36,12 @@ enum class Action {
   full_screen,
   screenshot,
   quit,
-  // Held down: they move the synthetic hand-held camera.
+  game_pause,
+  // Held down: they play.
+  game_act,
+  game_more,
+  game_less,
+  // Held down: they move the synthetic hand-held camera, or in a game the player; with Shift the camera all the same.
   move_left,
   move_right,
   move_up,

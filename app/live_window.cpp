@@ -40,7 +40,11 @@ WindowGeometry geometry_of(const ProgramState& state, bool full_screen) {
 }  // namespace
 
 LiveWindow::LiveWindow(const LiveOptions& options, const UserSettings& settings, const ProgramState& state)
-    : options_(options), remembered_(state), engine_(options, settings, state), started_(SteadyClock::now()) {
+    : options_(options),
+      remembered_(state),
+      engine_(options, settings, state),
+      games_(game_store_path()),
+      started_(SteadyClock::now()) {
   state_.settings = settings;
   state_.panels.debug = options.show_fps;
   const auto folder = [&](const std::string& set, const std::string& desktop) {
@@ -108,6 +112,9 @@ bool LiveWindow::has_news() {
     path_.add(shown_->tracked);
     if (shown_->map) state_.content.follow(*shown_->map);
     if (state_.selected && state_.content.find(*state_.selected) == nullptr) state_.selected.reset();
+    // Seen when the frame is drawn, after the time tracking took.
+    games_.frame(*shown_, game_input(game_keys(), games_.playing() ? read_game_pad() : GamePad{}),
+                 1e-3 * (state_.drawing_ms + static_cast<double>(shown_->tracked.times.total)));
     ambient_ =
         light_.update(shown_->frame.colour.empty() ? cv::Mat(shown_->frame.grey) : cv::Mat(shown_->frame.colour));
     return true;
@@ -187,10 +194,14 @@ void LiveWindow::draw_scene(const Picture& picture) {
     input.map = shown_->map.get();
     input.content = &state_.content;
     input.ambient_light = ambient_;
-    input.cursor_px = cursor_px_;
+    if (!games_.playing()) input.cursor_px = cursor_px_;
     input.selected = state_.selected;
     input.picked_points = state_.measured;
-    renderer_->draw(augmented_view(engine_.lens(), input, state_.view), picture.viewport);
+    AugmentedSettings view = state_.view;
+    if (games_.playing()) view.points = view.grid = view.other_planes = false;
+    DrawList list = augmented_view(engine_.lens(), input, view);
+    games_.draw(*shown_, &list);
+    renderer_->draw(list, picture.viewport);
     return;
   }
   if (!preview_) return;
@@ -269,6 +280,7 @@ void LiveWindow::draw_interface(const Picture& picture) {
     }
   }
   draw_augmented_interface(view);
+  if (shown_->map && !shown_->map->empty()) games_.draw_interface(picture.area);
 }
 
 void LiveWindow::draw_panels() {

@@ -9,6 +9,7 @@
 #include "app/augmented_interface.h"
 #include "app/live_calibration.h"
 #include "app/live_engine.h"
+#include "app/live_games.h"
 #include "app/live_options.h"
 #include "app/live_pointing.h"
 #include "app/live_state.h"
@@ -58,6 +59,10 @@ class LiveWindow {
   void take_keys();
   void act(Action action);
   void move_hand();
+  bool is_held(Action action) const;
+  bool game_has_keys() const;
+  GameKeys game_keys() const;
+  void next_game();
   void take_pointer(const Picture& picture);
   // The pixel of the camera's image there (framebuffer); nothing beside it, or on a panel.
   std::optional<Eigen::Vector2d> pixel_at(const Picture& picture, double pointer_x, double pointer_y) const;
@@ -85,6 +90,7 @@ class LiveWindow {
   std::unique_ptr<SceneRenderer> renderer_;
   std::unique_ptr<LiveCalibration> calibration_;
   LivePointing pointing_;
+  LiveGames games_;
 
   // The frame that is shown, and what is remembered from those before.
   std::shared_ptr<const LiveFrame> shown_;

@@ -50,7 +50,8 @@ void LiveWindow::act(Action action) {
   const CameraModel& lens = engine_.lens();
   switch (action) {
     case Action::initialise:
-      if (tracking_screen && engine_.session() != nullptr) engine_.session()->press_initialise();
+      // In a game on a map the key fires; held, in game_keys().
+      if (tracking_screen && engine_.session() != nullptr && !game_has_keys()) engine_.session()->press_initialise();
       break;
     case Action::reset:
       state_.requests.reset = true;
@@ -65,7 +66,10 @@ void LiveWindow::act(Action action) {
       }
       break;
     case Action::next_game:
-      state_.toasts.add("there are no games yet");
+      next_game();
+      break;
+    case Action::game_pause:
+      games_.toggle_pause();
       break;
     case Action::calibrate:
       state_.requests.calibrate = true;
@@ -122,6 +126,10 @@ void LiveWindow::act(Action action) {
         window_->close();
       }
       break;
+    case Action::game_act:
+    case Action::game_more:
+    case Action::game_less:
+      break;  // while they are held: game_keys()
     case Action::move_left:
     case Action::move_right:
     case Action::move_up:
@@ -132,14 +140,48 @@ void LiveWindow::act(Action action) {
   }
 }
 
+bool LiveWindow::is_held(Action action) const {
+  if (ImGui::GetIO().WantTextInput) return false;
+  const auto& chords = state_.settings.keys.chords(action);
+  return std::any_of(chords.begin(), chords.end(), [&](const KeyChord& c) { return window_->key_down(c.key); });
+}
+
+// A game has the keys while it is seen and there is a map to play on; with Shift the synthetic camera has them.
+bool LiveWindow::game_has_keys() const {
+  return games_.playing() && state_.screen == Screen::augmented && shown_ && shown_->map && !shown_->map->empty();
+}
+
+GameKeys LiveWindow::game_keys() const {
+  GameKeys keys;
+  if (!game_has_keys() || window_->key_down(GLFW_KEY_LEFT_SHIFT) || window_->key_down(GLFW_KEY_RIGHT_SHIFT))
+    return keys;
+  keys.left = is_held(Action::move_left);
+  keys.right = is_held(Action::move_right);
+  keys.away = is_held(Action::move_forward);
+  keys.near = is_held(Action::move_back);
+  keys.fire = is_held(Action::initialise);
+  keys.act = is_held(Action::game_act);
+  keys.more = is_held(Action::game_more);
+  keys.less = is_held(Action::game_less);
+  return keys;
+}
+
+void LiveWindow::next_game() {
+  if (engine_.session() == nullptr || state_.screen != Screen::augmented) return;
+  try {
+    state_.toasts.add(games_.next(engine_.lens()));
+  } catch (const std::exception& e) {
+    state_.toasts.add(e.what(), true);
+  }
+}
+
 void LiveWindow::move_hand() {
   if (!engine_.is_open() || engine_.source().hand == nullptr) return;
-  const bool typing = ImGui::GetIO().WantTextInput;
+  const bool shift = window_->key_down(GLFW_KEY_LEFT_SHIFT) || window_->key_down(GLFW_KEY_RIGHT_SHIFT);
+  const bool free = !game_has_keys() || shift;
   const auto held = [&](Action action) {
-    if (typing) return 0.0;
-    const auto& chords = state_.settings.keys.chords(action);
-    return std::any_of(chords.begin(), chords.end(), [&](const KeyChord& c) { return window_->key_down(c.key); }) ? 1.0
-                                                                                                                  : 0.0;
+    const bool sideways = action != Action::move_up && action != Action::move_down;
+    return (free || !sideways) && is_held(action) ? 1.0 : 0.0;
   };
   engine_.source().hand->set_velocity(kHandSpeed * Vector3d(held(Action::move_right) - held(Action::move_left),
                                                             held(Action::move_up) - held(Action::move_down),

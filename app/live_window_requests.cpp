@@ -70,6 +70,11 @@ void LiveWindow::answer_edits() {
 
 void LiveWindow::begin_session(const CameraModel& lens, bool estimated, const std::string& record_path) {
   try {
+    games_.leave();  // it was played through another lens
+  } catch (const std::exception& e) {
+    state_.toasts.add(e.what(), true);
+  }
+  try {
     engine_.begin(lens, estimated, record_path);
   } catch (const RunError& e) {
     if (record_path.empty() || record_path == options_.record) throw;
