@@ -1,10 +1,10 @@
 #include "app/game_session.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 
+#include "app/game_store.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/parse_text.h"
@@ -15,8 +15,6 @@ namespace {
 // Beyond this a hand has changed its mind.
 constexpr double kFarthestPrediction_s = 0.1;
 constexpr double kOldestBefore_s = 0.2;
-
-constexpr std::array<const char*, 3> kDifficulties{"easy", "normal", "hard"};
 
 std::unique_ptr<Game> needed(const std::string& name) {
   auto game = make_game(name);
@@ -49,9 +47,9 @@ void set_option(const std::string& pair, const GameInfo& info, GameOptions* opti
     if (seed < 0 || seed > 9e15 || seed != std::floor(seed)) refuse(pair, "a whole number from 0 on");
     options->seed = static_cast<std::uint64_t>(seed);
   } else if (name == "difficulty") {
-    const auto at = std::find(kDifficulties.begin(), kDifficulties.end(), value);
-    if (at == kDifficulties.end()) refuse(pair, "difficulty easy, normal or hard");
-    options->difficulty = static_cast<GameDifficulty>(at - kDifficulties.begin());
+    const auto given = difficulty_of(value);
+    if (!given) refuse(pair, "difficulty easy, normal or hard");
+    options->difficulty = *given;
   } else if (name == "seated" || name == "colour_blind_safe") {
     if (value != "0" && value != "1") refuse(pair, "0 or 1");
     (name == "seated" ? options->seated : options->colour_blind_safe) = value == "1";

@@ -56,8 +56,7 @@ GameStore parse(const nlohmann::json& json) {
   take(json, "seated", &store.seated);
   take(json, "colour_blind_safe", &store.colour_blind_safe);
   if (json.contains("difficulty") && json["difficulty"].is_string()) {
-    const auto at = std::find(kDifficulties.begin(), kDifficulties.end(), json["difficulty"].get<std::string>());
-    if (at != kDifficulties.end()) store.difficulty = static_cast<GameDifficulty>(at - kDifficulties.begin());
+    store.difficulty = difficulty_of(json["difficulty"].get<std::string>()).value_or(store.difficulty);
   }
   if (json.contains("settings") && json["settings"].is_object()) {
     for (const auto& [game, values] : json["settings"].items()) {
@@ -77,6 +76,12 @@ GameStore parse(const nlohmann::json& json) {
 }  // namespace
 
 const char* difficulty_name(GameDifficulty difficulty) { return kDifficulties[static_cast<std::size_t>(difficulty)]; }
+
+std::optional<GameDifficulty> difficulty_of(const std::string& name) {
+  const auto at = std::find(kDifficulties.begin(), kDifficulties.end(), name);
+  if (at == kDifficulties.end()) return std::nullopt;
+  return static_cast<GameDifficulty>(at - kDifficulties.begin());
+}
 
 int GameStore::add_score(const std::string& game, GameDifficulty scored_at, std::int64_t score,
                          const std::string& when) {

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,7 @@ struct GameStore {
 };
 
 const char* difficulty_name(GameDifficulty difficulty);  // "easy"
+std::optional<GameDifficulty> difficulty_of(const std::string& name);
 
 // $XDG_DATA_HOME/parallax/games.json; empty when there is no home.
 std::string game_store_path();

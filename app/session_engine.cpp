@@ -15,7 +15,7 @@
 namespace parallax {
 namespace {
 
-constexpr std::size_t kInboxCapacity = 32;
+constexpr std::size_t kMapperInbox = 32;
 constexpr std::size_t kLiveQueue = 2;
 // After the last frame the mapper may finish what it is at, for so long.
 constexpr double kRealtimeFinish_s = 3.0;
@@ -122,7 +122,7 @@ SessionEngine::SessionEngine(FrameSource* source, const CameraModel& camera, con
       camera_(camera),
       options_(checked(options, recorder)),
       recorder_(recorder),
-      inbox_(kInboxCapacity),
+      inbox_(kMapperInbox),
       tracker_schedule_(tracker_schedule(&map_, &inbox_, recorder)),
       mapper_schedule_(mapper_schedule(&inbox_, recorder)),
       mapper_(camera, options_.mapper, &map_, mapper_schedule_.get()),
