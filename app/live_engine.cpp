@@ -65,6 +65,7 @@ LiveEngine::LiveEngine(const LiveOptions& options, const UserSettings& settings,
     : options_(options), settings_(settings), state_(state) {
   run_options_.manual_initialisation = options.init != "auto";
   run_options_.kept_frames = kLiveKeptFrames;
+  run_options_.keep_trajectory = !options.trajectory.empty();
   apply_settings(options.settings, &run_options_);
 }
 

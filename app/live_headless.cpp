@@ -73,6 +73,7 @@ int run_live_headless(const LiveOptions& options) {
   RunOptions run_options;
   run_options.manual_initialisation = options.init == "manual";
   run_options.kept_frames = kLiveKeptFrames;
+  run_options.keep_trajectory = !options.trajectory.empty();
   apply_settings(options.settings, &run_options);
   LiveSource source = open_source_for(options, settings);
   const CameraModel lens = lens_for(source);

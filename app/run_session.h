@@ -29,7 +29,7 @@ struct RunOptions {
   bool manual_initialisation = false;
   // RunResult::frames: all, or the newest so many at least (a session without an end).
   std::size_t kept_frames = std::numeric_limits<std::size_t>::max();
-  bool keep_trajectory = true;  // RunResult::poses when kept_frames is bounded: 8 MB an hour
+  bool keep_trajectory = true;  // RunResult::poses when kept_frames is bounded: some 10 MB an hour
   TrackerOptions tracker;
   MapperOptions mapper;
 
