@@ -8,8 +8,9 @@ void draw_map_panel(LiveState* state, LiveEngine* engine, const LiveFrame* frame
   if (!begin_panel("Map", &state->panels.map, 1, 20)) return ImGui::End();
   const bool mapped = frame != nullptr && frame->map && !frame->map->empty();
   if (mapped) {
-    ImGui::Text("%zu keyframes, %d points, %zu planes", frame->map->keyframes.size(), frame->map->size(),
-                frame->map->planes.size());
+    const std::size_t planes = frame->map->planes.size();
+    ImGui::Text("%zu keyframes, %d points, %zu plane%s", frame->map->keyframes.size(), frame->map->size(), planes,
+                planes == 1 ? "" : "s");
   } else {
     ImGui::TextUnformatted("no map yet");
   }
