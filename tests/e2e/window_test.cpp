@@ -89,7 +89,7 @@ TEST_F(WindowTest, UnknownLensIsAskedForAndMarked) {
 // Quit with a video and a recording running and the slide begun: everything is whole. The keys are those of the
 // settings.
 TEST_F(WindowTest, QuittingInTheMiddleLeavesWholeFiles) {
-  folder_.write("parallax/settings.yaml", "keys: {initialise: I, quit: [X, Escape], video: Shift+V}\n");
+  folder_.write("parallax/settings.yaml", "keys: {initialise: I, quit: [Y, Escape], video: Shift+V}\n");
   start("synthetic:desk?size=160x120", {"--record", folder_.file("session.parallax")});
   ASSERT_TRUE(title_says("waiting")) << read_all(folder_.file("log"));
   key("shift+v");
@@ -107,7 +107,7 @@ TEST_F(WindowTest, QuittingInTheMiddleLeavesWholeFiles) {
   ASSERT_TRUE(title_says("trailing"));
   const cv::Mat3b picture = screenshot();
   EXPECT_FALSE(picture.empty());
-  key("x");
+  key("y");
   const auto code = program_->wait_for(std::chrono::seconds(30));
   ASSERT_TRUE(code.has_value()) << "the key of the settings does not quit";
   EXPECT_EQ(*code, 0) << read_all(folder_.file("log"));
