@@ -13,7 +13,7 @@
 namespace parallax {
 namespace {
 
-const Model& placeholder() {
+const Model& plain_box() {
   static const Model box = [] {
     ModelPart part{"body", box_mesh({1, 0.6f, 0.6f})};
     part.model_from_part.translation() = Eigen::Vector3f(0, 0, 0.3f);
@@ -49,7 +49,7 @@ ModelSet ModelSet::load(const std::string& folder) {
 
 const Model& ModelSet::model(const std::string& name) const {
   const auto found = models_.find(name);
-  return found == models_.end() ? placeholder() : found->second;
+  return found == models_.end() ? plain_box() : found->second;
 }
 
 bool ModelSet::contains(const std::string& name) const { return models_.contains(name); }
