@@ -1,12 +1,11 @@
 #include "app/augmented_interface.h"
 
-#include <imgui.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 #include "app/content_drawing.h"
+#include "app/interface_drawing.h"
 #include "app/level_colours.h"
 #include "core/check.h"
 #include "render/imgui_fonts.h"
@@ -14,13 +13,9 @@
 namespace parallax {
 namespace {
 
-constexpr ImU32 kText = IM_COL32(240, 240, 240, 255);
-constexpr ImU32 kBox = IM_COL32(12, 14, 18, 190);
 constexpr ImU32 kStrip = IM_COL32(8, 9, 12, 200);
-constexpr ImU32 kAmber = IM_COL32(255, 190, 60, 255);
 constexpr ImU32 kGreen = IM_COL32(90, 220, 110, 255);
 constexpr ImU32 kRed = IM_COL32(255, 105, 90, 255);
-constexpr ImU32 kGaugeGround = IM_COL32(70, 74, 82, 255);
 // A box of text is at most this share of the picture's width.
 constexpr float kBoxWidth = 0.86f;
 constexpr float kPictureWidth = 0.27f;  // of the keyframe's picture when lost
@@ -28,34 +23,26 @@ constexpr float kStripHeights = 1.5f;   // of the state line, in heights of the 
 // A picture so high has the window's font in its ordinary size, a smaller one a smaller font, down to what can be read.
 constexpr float kHeightOfWholeFont = 560, kSmallestFont = 0.8f;
 
-ImU32 colour_of(const DrawColour& c) {
-  return IM_COL32(static_cast<int>(255 * c.r), static_cast<int>(255 * c.g), static_cast<int>(255 * c.b),
-                  static_cast<int>(255 * c.a));
-}
-
-ImVec2 size_of(const std::string& text, float wrap) { return ImGui::CalcTextSize(text.c_str(), nullptr, false, wrap); }
-
 // A dark box with text, its middle at x and its top at y; returns its lower edge. `extra` is kept free below the text.
 float text_box(ImDrawList* list, const PictureArea& area, float x, float y, const std::string& text, ImU32 colour,
                float extra, float least_width) {
   const float unit = ImGui::GetFontSize(), wrap = kBoxWidth * area.width - unit;
-  const ImVec2 size = size_of(text, wrap);
+  const ImVec2 size = text_extent(text, 0, wrap);
   const float width = std::max(size.x, least_width) + unit, height = size.y + unit + extra;
   const float left = std::clamp(x - width / 2, area.x, std::max(area.x, area.x + area.width - width));
-  list->AddRectFilled({left, y}, {left + width, y + height}, kBox, 0.4f * unit);
-  list->AddText(ImGui::GetFont(), unit, {std::floor(left + (width - size.x) / 2), std::floor(y + unit / 2)}, colour,
-                text.c_str(), nullptr, wrap);
+  list->AddRectFilled({left, y}, {left + width, y + height}, kInterfaceGround, 0.4f * unit);
+  text_at(list, left + (width - size.x) / 2, y + unit / 2, colour, text, 0, wrap);
   return y + height;
 }
 
 std::string cut_to(std::string text, float width) {
-  while (!text.empty() && size_of(text, 0).x > width) text.pop_back();
+  while (!text.empty() && text_extent(text).x > width) text.pop_back();
   return text;
 }
 
 // As many of the parts of a state line, which two spaces divide, as there is room for.
 std::string whole_parts(std::string text, float width) {
-  while (size_of(text, 0).x > width) {
+  while (text_extent(text).x > width) {
     const auto last = text.rfind("  ");
     if (last == std::string::npos) return cut_to(text, width);
     text.erase(last);
@@ -67,10 +54,10 @@ float draw_legend(ImDrawList* list, float right, float middle) {
   const float unit = ImGui::GetFontSize();
   for (int level = kPyramidLevels - 1; level >= 0; --level) {
     const std::string name = "L" + std::to_string(level);
-    right -= size_of(name, 0).x;
-    list->AddText({std::floor(right), std::floor(middle - unit / 2)}, kText, name.c_str());
+    right -= text_extent(name).x;
+    text_at(list, right, middle - unit / 2, kInterfaceText, name);
     right -= 0.55f * unit;
-    list->AddCircleFilled({right, middle}, 0.32f * unit, colour_of(level_colour(level)));
+    list->AddCircleFilled({right, middle}, 0.32f * unit, interface_colour(level_colour(level)));
     right -= 0.8f * unit;
   }
   return right;
@@ -83,18 +70,17 @@ void draw_state_line(ImDrawList* list, const AugmentedInterface& view) {
   list->AddRectFilled({a.x, top}, {a.x + a.width, a.y + a.height}, kStrip);
   float x = a.x + unit / 2, right = a.x + a.width - unit / 2;
   const std::string line = view.tracked != nullptr ? state_line(*view.tracked, view.frames_per_second, view.times) : "";
-  const float line_width = size_of(line, 0).x, remark_width = size_of(view.remark, 0).x + unit;
-  const float legend_width = 4 * (2.2f * unit + size_of("L0", 0).x - unit);
+  const float line_width = text_extent(line).x, remark_width = text_extent(view.remark).x + unit;
+  const float legend_width = 4 * (2.2f * unit + text_extent("L0").x - unit);
   const bool points = view.tracked != nullptr && view.tracked->camera_from_world;
   if (view.legend && points && x + line_width + remark_width + legend_width < right)
     right = draw_legend(list, right, middle);
-  const float y = std::floor(middle - unit / 2);
+  const float y = middle - unit / 2;
   if (!view.remark.empty()) {
     right -= remark_width;
-    list->AddText({std::floor(std::min(right, x + line_width) + unit), y}, kAmber,
-                  cut_to(view.remark, a.width - unit).c_str());
+    text_at(list, std::min(right, x + line_width) + unit, y, kInterfaceAmber, cut_to(view.remark, a.width - unit));
   }
-  list->AddText({std::floor(x), y}, kText, whole_parts(line, right - x).c_str());
+  text_at(list, x, y, kInterfaceText, whole_parts(line, right - x));
 }
 
 ImU32 colour_of(HintKind kind) {
@@ -104,9 +90,9 @@ ImU32 colour_of(HintKind kind) {
     case HintKind::refused:
     case HintKind::turning:
     case HintKind::losing:
-      return kAmber;
+      return kInterfaceAmber;
     default:
-      return kText;
+      return kInterfaceText;
   }
 }
 
@@ -114,11 +100,9 @@ ImU32 colour_of(HintKind kind) {
 void draw_gauge(ImDrawList* list, const PictureArea& area, float bottom, double gauge, HintKind kind) {
   const float unit = ImGui::GetFontSize(), width = 0.45f * area.width, height = 0.6f * unit;
   const float left = area.x + (area.width - width) / 2, top = bottom - unit * 0.5f - height;
-  const float filled = left + width * static_cast<float>(gauge);
-  list->AddRectFilled({left, top}, {left + width, top + height}, kGaugeGround, height / 2);
-  if (gauge > 0.02)
-    list->AddRectFilled({left, top}, {filled, top + height}, kind == HintKind::ready ? kGreen : kAmber, height / 2);
-  list->AddLine({left + width - 1, top - 2}, {left + width - 1, top + height + 2}, kText, 2);
+  filled_bar(list, {left, top}, {left + width, top + height}, static_cast<float>(gauge),
+             kind == HintKind::ready ? kGreen : kInterfaceAmber, height / 2);
+  list->AddLine({left + width - 1, top - 2}, {left + width - 1, top + height + 2}, kInterfaceText, 2);
 }
 
 void draw_hint(ImDrawList* list, const AugmentedInterface& view) {
@@ -132,8 +116,8 @@ void draw_hint(ImDrawList* list, const AugmentedInterface& view) {
       const float right = a.x + a.width - 0.6f * unit, bottom = a.y + a.height - (kStripHeights + 0.6f) * unit;
       const ImVec2 from{right - width, bottom - height};
       list->AddRectFilled({from.x - 0.3f * unit, from.y - 1.5f * unit}, {right + 0.3f * unit, bottom + 0.3f * unit},
-                          kBox, 0.3f * unit);
-      list->AddText({std::floor(from.x), std::floor(from.y - 1.25f * unit)}, kText, "Look at this again:");
+                          kInterfaceGround, 0.3f * unit);
+      text_at(list, from.x, from.y - 1.25f * unit, kInterfaceText, "Look at this again:");
       list->AddImage(view.lost_picture, from, {right, bottom});
     }
     return;
@@ -181,14 +165,12 @@ void draw_labels(ImDrawList* list, const AugmentedInterface& view) {
   std::stable_sort(labels.begin(), labels.end(), [](const Placed& a, const Placed& b) { return a.depth > b.depth; });
   for (const Placed& l : labels) {
     const Eigen::Vector2f at = view.area.from_pixel(*view.camera, l.px);
-    const ImVec2 size = size_of(l.text, 0);
+    const ImVec2 size = text_extent(l.text);
     const float left = std::floor(at.x() - size.x / 2), top = std::floor(at.y() - size.y - 0.4f * unit);
-    list->AddRectFilled({left - 0.35f * unit, top - 0.2f * unit},
-                        {left + size.x + 0.35f * unit, top + size.y + 0.2f * unit}, kBox, 0.25f * unit);
+    text_on_ground(list, left, top, l.text, 0.35f * unit, 0.2f * unit);
     if (l.selected)
       list->AddRect({left - 0.35f * unit, top - 0.2f * unit},
-                    {left + size.x + 0.35f * unit, top + size.y + 0.2f * unit}, kText, 0.25f * unit);
-    list->AddText({left, top}, kText, l.text.c_str());
+                    {left + size.x + 0.35f * unit, top + size.y + 0.2f * unit}, kInterfaceText, 0.25f * unit);
   }
 }
 
@@ -248,7 +230,8 @@ void draw_augmented_interface(const AugmentedInterface& view) {
   list->PushClipRect({a.x, a.y}, {a.x + a.width, a.y + a.height}, true);
   if (view.labels) draw_labels(list, view);
   if (view.hint && view.tracked != nullptr) draw_hint(list, view);
-  if (!view.banner.empty()) text_box(list, a, a.x + a.width / 2, a.y + 0.42f * a.height, view.banner, kAmber, 0, 0);
+  if (!view.banner.empty())
+    text_box(list, a, a.x + a.width / 2, a.y + 0.42f * a.height, view.banner, kInterfaceAmber, 0, 0);
   if (view.state_line) draw_state_line(list, view);
   list->PopClipRect();
 }

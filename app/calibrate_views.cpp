@@ -3,12 +3,14 @@
 #include <glob.h>
 
 #include <algorithm>
-#include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
 
+#include "app/calibrate_live.h"
+#include "app/live_options.h"
 #include "app/progress_bar.h"
 #include "app/source.h"
 #include "camera/frame_source.h"
@@ -129,30 +131,18 @@ std::string board_words(const CalibrationTarget& target) {
          std::to_string(target.rows);
 }
 
+// Ctrl-C ends the looking, not the program: the views taken until then are used.
 GatheredViews gather_live(const CalibrateSettings& settings) {
   LiveCameraOptions options;
   options.colour = false;
   const auto camera = open_live_camera(settings.sources.at(0), options);
-  CalibrationSessionOptions session_options;
-  session_options.most_views = settings.max_views;
-  CalibrationSession session(settings.target, camera->width(), camera->height(), session_options);
-  GatheredViews out;
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(settings.live_seconds);
-  std::string said;
-  // A camera that delivers nothing is waited for; what it says meanwhile is for the user.
-  while (std::chrono::steady_clock::now() < end && !session.ready()) {
-    const auto frame = camera->next();
-    if (!frame) break;
-    ++out.frames;
-    const CalibrationFrameResult result = session.add_frame(frame->grey, frame->index);
-    std::string say = result.text;
-    if (result.verdict == FrameVerdict::kept) say += "; next: " + session.wanted_view().text;
-    if (say != said) std::cerr << say << "\n";
-    said = say;
-  }
-  camera->stop();
-  out.data = session.data();
-  return out;
+  catch_end_signals();
+  LiveGathering live =
+      gather_live_views(camera.get(), {settings.target, settings.max_views, settings.live_seconds, end_requested,
+                                       [](const std::string& line) { std::cerr << line << std::endl; }});
+  std::signal(SIGINT, SIG_DFL);
+  std::signal(SIGTERM, SIG_DFL);
+  return {std::move(live.data), live.frames, {}};
 }
 
 GatheredViews gather_frames(const CalibrateSettings& settings) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 namespace parallax {
 namespace {
@@ -52,6 +53,10 @@ GamePad read_game_pad() {
     pad.right_trigger = state.axes[GLFW_GAMEPAD_AXIS_RIGHT_TRIGGER];
     pad.a = down(GLFW_GAMEPAD_BUTTON_A);
     pad.b = down(GLFW_GAMEPAD_BUTTON_B);
+    pad.x = down(GLFW_GAMEPAD_BUTTON_X);
+    pad.y = down(GLFW_GAMEPAD_BUTTON_Y);
+    pad.back = down(GLFW_GAMEPAD_BUTTON_BACK);
+    pad.start = down(GLFW_GAMEPAD_BUTTON_START);
     pad.left_bumper = down(GLFW_GAMEPAD_BUTTON_LEFT_BUMPER);
     pad.right_bumper = down(GLFW_GAMEPAD_BUTTON_RIGHT_BUMPER);
     pad.dpad_left = down(GLFW_GAMEPAD_BUTTON_DPAD_LEFT);
@@ -61,6 +66,62 @@ GamePad read_game_pad() {
     return pad;
   }
   return pad;
+}
+
+PadPresses PadWatch::update(const GamePad& pad) {
+  constexpr float kOver = 0.5f;
+  PadPresses now;
+  if (pad.present) {
+    now.left = pad.dpad_left || pad.left_x < -kOver;
+    now.right = pad.dpad_right || pad.left_x > kOver;
+    now.up = pad.dpad_up || pad.left_y < -kOver;
+    now.down = pad.dpad_down || pad.left_y > kOver;
+    now.accept = pad.a;
+    now.cancel = pad.b;
+    now.next = pad.back;
+    now.pause = pad.start;
+    now.help = pad.y;
+  }
+  PadPresses pressed = now;
+  for (bool PadPresses::*key :
+       {&PadPresses::left, &PadPresses::right, &PadPresses::up, &PadPresses::down, &PadPresses::accept,
+        &PadPresses::cancel, &PadPresses::next, &PadPresses::pause, &PadPresses::help})
+    pressed.*key = now.*key && !(held_.*key);
+  held_ = now;
+  return pressed;
+}
+
+namespace {
+
+// "Left Right Up Down, A D W S": the first keys of the four, then the second.
+std::string move_keys(const KeyBindings& keys) {
+  std::string out;
+  for (std::size_t i = 0;; ++i) {
+    std::string line;
+    for (const Action action : {Action::move_left, Action::move_right, Action::move_forward, Action::move_back})
+      if (const auto& chords = keys.chords(action); i < chords.size())
+        line += (line.empty() ? "" : " ") + key_chord_name(chords[i]);
+    if (line.empty()) return out.empty() ? "none" : out;
+    out += (out.empty() ? "" : ", ") + line;
+  }
+}
+
+}  // namespace
+
+std::vector<GameControlRow> game_control_rows(const GameInfo& info, const KeyBindings& keys) {
+  std::vector<GameControlRow> rows;
+  const auto add = [&](const std::string& does, const std::string& how, const char* gamepad) {
+    if (!does.empty()) rows.push_back({does, how, gamepad});
+  };
+  add(info.move_does, move_keys(keys), "left stick, cross");
+  add(info.fire_does, keys.chord_names(Action::initialise), "A, right trigger");
+  add(info.act_does, keys.chord_names(Action::game_act), "B, left trigger");
+  add(info.dial_does, keys.chord_names(Action::game_less) + " less, " + keys.chord_names(Action::game_more) + " more",
+      "shoulder buttons");
+  add("pause", keys.chord_names(Action::game_pause), "Start");
+  add("games", keys.chord_names(Action::next_game), "Back");
+  add("this page", keys.chord_names(Action::help), "Y");
+  return rows;
 }
 
 }  // namespace parallax

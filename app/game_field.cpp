@@ -96,6 +96,7 @@ void GameField::begin(const TrackingSnapshot& map, const Plane& plane, const std
   made.world_from_plane = plane.world_from_plane * plane_from_field_;
   for (const Eigen::Vector2d& corner : outline) made.outline_m.push_back(corner - centre);
   made.radius_m = radius_of(made.outline_m);
+  made.number = ++begun_;
   field_ = std::move(made);
   world_from_plane_ = plane.world_from_plane;
   world_from_first_ = map.world_from_first;
@@ -119,6 +120,7 @@ bool GameField::update(const TrackingSnapshot& map) {
   if (field_ && scale != 1.0) {
     for (Eigen::Vector2d& corner : field_->outline_m) corner *= scale;
     field_->radius_m *= scale;
+    field_->scale *= scale;
     field_->surface.reset();  // of the old scale
     plane_from_field_.t *= scale;
     changed = true;

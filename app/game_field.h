@@ -31,6 +31,7 @@ class GameField {
   SimilarityTransform world_from_first_;
   std::uint64_t map_version_ = 0, version_ = 0;
   std::size_t keyframes_ = 0;
+  int begun_ = 0;  // fields so far
 };
 
 // The hull of what lies on a plane, in the plane's frame, counter-clockwise: without the few points far from all

@@ -1,16 +1,12 @@
 #include "app/game_hud.h"
 
-#include <imgui.h>
-
 #include <algorithm>
-#include <cmath>
+
+#include "app/interface_drawing.h"
 
 namespace parallax {
 namespace {
 
-constexpr ImU32 kText = IM_COL32(245, 245, 245, 255);
-constexpr ImU32 kShade = IM_COL32(8, 10, 14, 170);
-constexpr ImU32 kGround = IM_COL32(70, 74, 82, 255);
 constexpr ImU32 kHairs = IM_COL32(255, 255, 255, 220);
 constexpr ImU32 kHairsEdge = IM_COL32(0, 0, 0, 160);
 // Of the picture's height: the arms of the cross-hairs.
@@ -18,20 +14,9 @@ constexpr float kHairsLength = 0.035f, kHairsGap = 0.012f;
 constexpr float kBig = 2.0f;      // of the font: score and messages
 constexpr float kGaugeWidth = 7;  // in heights of the font
 
-ImU32 colour_of(const DrawColour& c) {
-  const auto byte = [](float part) { return static_cast<int>(std::lround(255 * std::clamp(part, 0.0f, 1.0f))); };
-  return IM_COL32(byte(c.r), byte(c.g), byte(c.b), byte(c.a));
-}
-
-ImVec2 size_of(const std::string& text, float size, float wrap = 0) {
-  return ImGui::GetFont()->CalcTextSizeA(size, 1e9f, wrap, text.c_str());
-}
-
 void shaded_text(ImDrawList* list, float x, float y, float size, const std::string& text, float wrap = 0) {
-  const ImVec2 extent = size_of(text, size, wrap);
   const float edge = 0.25f * ImGui::GetFontSize();
-  list->AddRectFilled({x - edge, y - edge / 2}, {x + extent.x + edge, y + extent.y + edge / 2}, kShade, edge);
-  list->AddText(ImGui::GetFont(), size, {std::floor(x), std::floor(y)}, kText, text.c_str(), nullptr, wrap);
+  text_on_ground(list, x, y, text, edge, edge / 2, size, wrap);
 }
 
 void draw_cross_hairs(ImDrawList* list, const PictureArea& a) {
@@ -55,21 +40,16 @@ void draw_game_hud(const GameHudView& view) {
   if (view.hud.cross_hairs && view.status.empty()) draw_cross_hairs(list, a);
 
   const std::string score = std::to_string(view.hud.score);
-  const ImVec2 score_size = size_of(score, kBig * unit);
-  shaded_text(list, a.x + a.width - score_size.x - unit, a.y + 0.5f * unit, kBig * unit, score);
+  shaded_text(list, a.x + a.width - text_extent(score, kBig * unit).x - unit, a.y + 0.5f * unit, kBig * unit, score);
 
   float y = a.y + 0.5f * unit;
   for (const GameGauge& gauge : view.hud.gauges) {
-    const float label = size_of(gauge.label, unit).x + 0.5f * unit, left = a.x + 0.75f * unit;
+    const float label = text_extent(gauge.label).x + 0.5f * unit, left = a.x + 0.75f * unit;
     list->AddRectFilled({left - 0.25f * unit, y}, {left + label + kGaugeWidth * unit + 0.25f * unit, y + 1.3f * unit},
-                        kShade, 0.25f * unit);
-    list->AddText(ImGui::GetFont(), unit, {std::floor(left), std::floor(y + 0.15f * unit)}, kText, gauge.label.c_str());
-    const float from = left + label, top = y + 0.4f * unit, bottom = y + 0.9f * unit;
-    const float part = static_cast<float>(std::clamp(gauge.value, 0.0, 1.0));
-    list->AddRectFilled({from, top}, {from + kGaugeWidth * unit, bottom}, kGround, 0.2f * unit);
-    if (part > 0)
-      list->AddRectFilled({from, top}, {from + part * kGaugeWidth * unit, bottom}, colour_of(gauge.colour),
-                          0.2f * unit);
+                        kInterfaceGround, 0.25f * unit);
+    text_at(list, left, y + 0.15f * unit, kInterfaceText, gauge.label);
+    filled_bar(list, {left + label, y + 0.4f * unit}, {left + label + kGaugeWidth * unit, y + 0.9f * unit},
+               static_cast<float>(gauge.value), interface_colour(gauge.colour), 0.2f * unit);
     y += 1.5f * unit;
   }
   for (const std::string& line : view.hud.lines) {
@@ -82,8 +62,11 @@ void draw_game_hud(const GameHudView& view) {
   const std::string& middle = view.status.empty() ? view.hud.message : view.status;
   if (middle.empty()) return;
   const float size = middle.size() <= 24 ? kBig * unit : 1.25f * unit, wrap = 0.8f * a.width;
-  const ImVec2 extent = size_of(middle, size, wrap);
-  shaded_text(list, a.x + (a.width - extent.x) / 2, a.y + 0.3f * a.height - extent.y / 2, size, middle, wrap);
+  const ImVec2 extent = text_extent(middle, size, wrap);
+  const float top = a.y + 0.3f * a.height - extent.y / 2;
+  shaded_text(list, a.x + (a.width - extent.x) / 2, top, size, middle, wrap);
+  if (!view.below.empty())
+    shaded_text(list, a.x + (a.width - text_extent(view.below).x) / 2, top + extent.y + 0.6f * unit, unit, view.below);
 }
 
 }  // namespace parallax

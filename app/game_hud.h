@@ -15,7 +15,8 @@ struct GameHudView {
   PictureArea area;
   std::string title;
   GameHud hud;
-  std::string status;  // GameSession::status(): in the middle of the picture
+  std::string status;   // GameSession::status(): in the middle of the picture
+  std::string below{};  // a smaller line below it: what can be done now
 };
 
 void draw_game_hud(const GameHudView& view);

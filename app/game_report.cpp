@@ -33,13 +33,20 @@ GameOutcome outcome_of(const GameSession& session, const GameOptions& options) {
 }
 
 nlohmann::json to_json(const GameOutcome& outcome) {
-  return {{"name", outcome.name},
-          {"seed", outcome.seed},
-          {"score", outcome.score},
-          {"seconds", seconds_of(outcome)},
-          {"state", hexadecimal(outcome.state_hash)},
-          {"over", outcome.over},
-          {"lines", outcome.lines}};
+  nlohmann::json out = {{"name", outcome.name},
+                        {"seed", outcome.seed},
+                        {"score", outcome.score},
+                        {"seconds", seconds_of(outcome)},
+                        {"state", hexadecimal(outcome.state_hash)},
+                        {"over", outcome.over},
+                        {"lines", outcome.lines}};
+  if (outcome.drift) {
+    out["drift"] = {{"frames", outcome.drift->frames},
+                    {"things", outcome.drift->things},
+                    {"median_px", outcome.drift->median_px},
+                    {"largest_px", outcome.drift->largest_px}};
+  }
+  return out;
 }
 
 std::string game_text(const GameOutcome& outcome) {
@@ -48,6 +55,12 @@ std::string game_text(const GameOutcome& outcome) {
   std::snprintf(time, sizeof time, "%.1f s", seconds_of(outcome));
   std::string text = "game: " + outcome.title + ", " + time + ", score " + std::to_string(outcome.score);
   for (const std::string& line : outcome.lines) text += ", " + line;
+  if (outcome.drift) {
+    char drift[96];
+    std::snprintf(drift, sizeof drift, ", drift %.2f px (median of %d frames)", outcome.drift->median_px,
+                  outcome.drift->frames);
+    text += drift;
+  }
   return text + (outcome.over ? ", over\n" : "\n");
 }
 

@@ -16,10 +16,13 @@ struct GameOutcome {
   std::int64_t score = 0, ticks = 0;
   bool over = false;
   std::vector<std::string> lines;  // of its display
+  std::vector<GameSight> sights;   // of its landmarks, frame by frame
+  std::optional<GameDrift> drift;  // of them; where the source has true poses
 };
 
 GameOutcome outcome_of(const GameSession& session, const GameOptions& options);
-// {"name": "swarm", "seed": 1, "score": 1200, "seconds": 42.5, "state": "9f3c...", "over": false, "lines": [...]}
+// {"name": "swarm", "seed": 1, "score": 1200, "seconds": 42.5, "state": "9f3c...", "over": false, "lines": [...],
+//  "drift": {"frames": 300, "things": 1, "median_px": 0.8, "largest_px": 2.1}}; the drift where it is known
 nlohmann::json to_json(const GameOutcome& outcome);
 // A line for the user.
 std::string game_text(const GameOutcome& outcome);

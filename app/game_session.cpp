@@ -12,8 +12,6 @@
 namespace parallax {
 namespace {
 
-// Beyond this a hand has changed its mind.
-constexpr double kFarthestPrediction_s = 0.1;
 constexpr double kOldestBefore_s = 0.2;
 
 std::unique_ptr<Game> needed(const std::string& name) {
@@ -170,7 +168,10 @@ void GameSession::frame(const Frame& frame, const TrackingResult& tracked, const
   controls.camera_from_plane.reset();
   if (tracked_) {
     const RigidTransform pose = *tracked.camera_from_world * field_.field()->world_from_plane;
-    if (map->map_version != last_map_version_) last_pose_.reset();
+    camera_from_world_ = *tracked.camera_from_world;
+    // A pose in other metres says nothing about how the camera moves.
+    if (map->map_version != last_map_version_ || field_.field()->scale != last_scale_) last_pose_.reset();
+    last_scale_ = field_.field()->scale;
     controls.camera_from_plane = predict_pose(pose, last_pose_, seconds, ahead_s);
     last_pose_ = pose;
     last_map_version_ = map->map_version;
@@ -183,6 +184,15 @@ void GameSession::frame(const Frame& frame, const TrackingResult& tracked, const
 void GameSession::draw(DrawList* out) const {
   if (!tracked_ || !field_.field() || runner_.phase() == GamePhase::idle) return;
   runner_.game().draw(*models_, out);
+}
+
+std::optional<GameSight> GameSession::sight() const {
+  if (!tracked_ || !field_.field() || runner_.phase() == GamePhase::idle || !last_time_) return std::nullopt;
+  const auto landmark = runner_.game().landmark();
+  if (!landmark) return std::nullopt;
+  const auto fields = static_cast<std::uint64_t>(field_.field()->number);
+  return GameSight{*last_time_, landmark->number ^ (fields << 56), camera_from_world_,
+                   field_.field()->world_from_plane * landmark->position_m};
 }
 
 std::string GameSession::status() const {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "app/game_drift.h"
 #include "app/game_field.h"
 #include "core/frame.h"
 #include "games/game_runner.h"
@@ -32,6 +33,8 @@ const std::vector<std::string>& game_names();
 // Null for another name.
 std::unique_ptr<Game> make_game(const std::string& name);
 
+// A pose is predicted no farther ahead than this: beyond it a hand has changed its mind.
+inline constexpr double kFarthestPrediction_s = 0.1;
 // Where the camera will be, extrapolated from two poses. Nothing when the older is missing or the two are too far apart
 // in time to say.
 RigidTransform predict_pose(const RigidTransform& camera_from_field, const std::optional<RigidTransform>& before,
@@ -64,6 +67,9 @@ class GameSession {
   // Appends the game to the picture of the newest frame. Nothing before it has begun, or while tracking is lost.
   void draw(DrawList* out) const;
 
+  // The game's landmark in the newest frame; nothing while nothing is drawn.
+  std::optional<GameSight> sight() const;
+
   const std::optional<PlayingField>& field() const { return field_.field(); }
   // Why nothing is played: "map the table first", "tracking is lost"...; empty while it is played.
   std::string status() const;
@@ -81,7 +87,9 @@ class GameSession {
   std::string saved_;
   std::optional<Timestamp> last_time_;
   std::optional<RigidTransform> last_pose_;  // camera_from_field, of the frame before
+  double last_scale_ = 1;                    // of the field, then
   std::uint64_t last_map_version_ = 0;
+  RigidTransform camera_from_world_;  // of the newest frame that was tracked
   bool tracked_ = false;
 };
 

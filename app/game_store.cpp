@@ -7,6 +7,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "app/game_palette.h"
 #include "app/user_settings.h"
 #include "core/error.h"
 #include "core/file_io.h"
@@ -28,6 +29,24 @@ void take(const nlohmann::json& from, const char* key, bool* out) {
   if (it != from.end() && it->is_boolean()) *out = it->get<bool>();
 }
 
+void take_share(const nlohmann::json& from, const char* key, double* out) {
+  const auto it = from.find(key);
+  if (it == from.end() || !it->is_number()) return;
+  const double share = it->get<double>();
+  if (std::isfinite(share)) *out = std::clamp(share, 0.0, 1.0);
+}
+
+void take_palette(const nlohmann::json& from, GameStore* store) {
+  const auto it = from.find("palette");
+  if (it != from.end() && it->is_string()) {
+    store->palette = game_palette(it->get<std::string>()).name;
+    return;
+  }
+  bool safe = true;  // how it was kept before palettes had names
+  take(from, "colour_blind_safe", &safe);
+  if (!safe) store->palette = "vivid";
+}
+
 void take_scores(const nlohmann::json& from, GameStore* store) {
   if (!from.is_object()) return;
   for (const auto& [name, list] : from.items()) {
@@ -47,14 +66,15 @@ void take_scores(const nlohmann::json& from, GameStore* store) {
 GameStore parse(const nlohmann::json& json) {
   GameStore store;
   if (!json.is_object()) return store;
-  if (json.contains("volume") && json["volume"].is_number()) {
-    const double volume = json["volume"].get<double>();
-    if (std::isfinite(volume)) store.volume = std::clamp(volume, 0.0, 1.0);
-  }
+  take_share(json, "volume", &store.volume);
+  take_share(json, "effects", &store.effects);
   take(json, "mute", &store.mute);
   take(json, "occlusion", &store.occlusion);
   take(json, "seated", &store.seated);
-  take(json, "colour_blind_safe", &store.colour_blind_safe);
+  take_palette(json, &store);
+  if (const auto it = json.find("explained"); it != json.end() && it->is_array())
+    for (const auto& name : *it)
+      if (name.is_string()) store.explained.insert(name.get<std::string>());
   if (json.contains("difficulty") && json["difficulty"].is_string()) {
     store.difficulty = difficulty_of(json["difficulty"].get<std::string>()).value_or(store.difficulty);
   }
@@ -107,7 +127,6 @@ GameOptions GameStore::options(const std::string& game, std::uint64_t seed) cons
   out.seed = seed;
   out.difficulty = difficulty;
   out.seated = seated;
-  out.colour_blind_safe = colour_blind_safe;
   if (const auto it = settings.find(game); it != settings.end())
     for (const auto& [name, value] : it->second) out.settings.emplace_back(name, value);
   return out;
@@ -132,11 +151,13 @@ void write_game_store(const GameStore& store, const std::string& path) {
   if (path.empty()) return;
   nlohmann::json json;
   json["volume"] = store.volume;
+  json["effects"] = store.effects;
   json["mute"] = store.mute;
   json["occlusion"] = store.occlusion;
   json["difficulty"] = difficulty_name(store.difficulty);
   json["seated"] = store.seated;
-  json["colour_blind_safe"] = store.colour_blind_safe;
+  json["palette"] = store.palette;
+  json["explained"] = store.explained;
   json["settings"] = store.settings;
   json["left"] = store.left;
   json["scores"] = nlohmann::json::object();

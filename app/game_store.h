@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -22,10 +23,13 @@ struct GameScore {
 struct GameStore {
   static constexpr std::size_t kScoresKept = 10;
 
-  double volume = 0.7;  // of sounds, 0..1
+  double volume = 0.7;   // of all sounds, 0..1
+  double effects = 1.0;  // of what is heard of a game, beside the signals of the program
   bool mute = false, occlusion = true;
   GameDifficulty difficulty = GameDifficulty::normal;
-  bool seated = false, colour_blind_safe = true;
+  bool seated = false;
+  std::string palette = "okabe_ito";                              // app/game_palette.h
+  std::set<std::string> explained;                                // games whose explanation was shown
   std::map<std::string, std::map<std::string, double>> settings;  // by game and name
   std::map<std::string, std::vector<GameScore>> scores;           // by "game/difficulty", best first
   std::map<std::string, std::string> left;                        // by game: Game::save() when it was left

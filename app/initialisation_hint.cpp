@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <limits>
+
+#include "mapper/homography.h"
 
 namespace parallax {
 namespace {
@@ -21,6 +24,8 @@ constexpr double kBegun_deg = 1.0;
 constexpr double kOutlier = 3;
 // Fewer patches than this give no map, however they move.
 constexpr int kNothingToSee = 30;
+// Of a ray of length 1: further to the side it has no place on the plane z = 1.
+constexpr double kLeastDepth = 0.1;
 // How the tracker says what to do when nothing was refused.
 constexpr const char* kInstruction = "press ";
 
@@ -43,6 +48,47 @@ Eigen::Matrix3d best_rotation(const std::vector<Eigen::Vector3d>& from, const st
 
 double angle_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * kDegrees;
+}
+
+// Median angle between the two sights of the same places when the rotation has been taken away that a plane's
+// homography gives: what a slide gives, however the camera was turned meanwhile. Of the rotations that explain the
+// homography, the one that leaves less. Zero when the trails do not give one.
+double planar_parallax_deg(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to) {
+  std::vector<Eigen::Vector3d> rays1, rays2;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    if (from[i].z() <= kLeastDepth || to[i].z() <= kLeastDepth) continue;
+    rays1.emplace_back(from[i] / from[i].z());
+    rays2.emplace_back(to[i] / to[i].z());
+  }
+  Eigen::Matrix3d H;
+  for (int round = 0; round < 3; ++round) {
+    if (!fit_homography(rays1, rays2, &H)) return 0;
+    std::vector<double> errors(rays1.size());
+    for (std::size_t i = 0; i < rays1.size(); ++i) errors[i] = angle_deg(H * rays1[i], rays2[i]);
+    const double limit = kOutlier * std::max(median(errors), kTrailNoise_deg);
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < rays1.size(); ++i) {
+      if (errors[i] > limit) continue;
+      rays1[kept] = rays1[i];
+      rays2[kept++] = rays2[i];
+    }
+    if (kept == rays1.size()) break;
+    rays1.resize(kept);
+    rays2.resize(kept);
+  }
+  std::array<PlanarPose, 4> poses;
+  const int count = decompose_homography(H, &poses);
+  double least = std::numeric_limits<double>::infinity();
+  std::vector<double> angles(from.size());
+  for (int k = 0; k < count; ++k) {
+    const PlanarPose& pose = poses[static_cast<std::size_t>(k)];
+    const auto in_front = std::count_if(rays1.begin(), rays1.end(),
+                                        [&](const Eigen::Vector3d& ray) { return plane_in_front(pose, ray); });
+    if (2 * in_front < static_cast<std::ptrdiff_t>(rays1.size())) continue;
+    for (std::size_t i = 0; i < from.size(); ++i) angles[i] = angle_deg(pose.second_from_first.R * from[i], to[i]);
+    least = std::min(least, median(angles));
+  }
+  return std::isfinite(least) ? least : 0;
 }
 
 std::string sentence(std::string text) {
@@ -76,6 +122,7 @@ TrailMotion trail_motion(const CameraModel& camera, const std::vector<std::array
     out.beyond_rotation_deg = median(angles);
     for (std::size_t i = 0; i < from.size(); ++i) used[i] = angles[i] <= kOutlier * out.beyond_rotation_deg;
   }
+  out.parallax_deg = planar_parallax_deg(from, to);
   return out;
 }
 
@@ -106,7 +153,7 @@ InitialisationHint initialisation_hint(const CameraModel& camera, const Tracking
   const TrailMotion motion = trail_motion(camera, tracked.trails);
   const bool begun = motion.median_deg > kBegun_deg;
   const bool moved = motion.beyond_rotation_deg > std::max(kTrailNoise_deg, kLensShare * motion.median_deg);
-  out.parallax_deg = moved ? std::max(motion.median_deg, motion.beyond_rotation_deg) : 0;
+  out.parallax_deg = moved ? std::max(motion.parallax_deg, motion.beyond_rotation_deg) : 0;
   out.gauge = std::clamp(out.parallax_deg / options.enough_deg, 0.0, 1.0);
   const bool few = out.patches < options.few_patches;
   if (!message.empty() && !options.automatic) {

@@ -23,7 +23,7 @@ enum class HintKind {
 struct InitialisationHint {
   HintKind kind = HintKind::none;
   std::string text;         // one sentence, ASCII
-  double parallax_deg = 0;  // how far the patches have moved, as an angle (median); 0 while only turning
+  double parallax_deg = 0;  // between the two sights of the same places, median; 0 while only turning
   double gauge = 0;         // 0..1: 1 is enough
   int patches = 0;          // still followed
 };
@@ -42,11 +42,13 @@ struct HintOptions {
 InitialisationHint initialisation_hint(const CameraModel& camera, const TrackingResult& tracked,
                                        const std::string& message, const HintOptions& options = {});
 
-// Median displacement of the trails as an angle, and what is left of it when the rotation that explains the most has
-// been taken away. Degrees; zero for fewer than 8 trails.
+// Median displacement of the trails as an angle; what is left of it when the rotation that explains the most has been
+// taken away; and what is left when the camera's own rotation has, as the homography of the table gives it (Ma et al.,
+// An Invitation to 3-D Vision, 5.3.3). Degrees; zero for fewer than 8 trails.
 struct TrailMotion {
   double median_deg = 0;
   double beyond_rotation_deg = 0;
+  double parallax_deg = 0;  // noise alone gives some: of use where beyond_rotation_deg says that the camera moved
 };
 TrailMotion trail_motion(const CameraModel& camera, const std::vector<std::array<Eigen::Vector2f, 2>>& trails);
 

@@ -79,6 +79,12 @@ constexpr std::pair<const char*, int> kKeyNames[] = {
 };
 constexpr std::pair<const char*, int> kModifierNames[] = {
     {"Ctrl", GLFW_MOD_CONTROL}, {"Alt", GLFW_MOD_ALT}, {"Shift", GLFW_MOD_SHIFT}, {"Super", GLFW_MOD_SUPER}};
+// What an action takes when its only key was given to another.
+constexpr std::pair<Action, const char*> kSecondChoices[] = {
+    {Action::next_game, "Shift+G"},     {Action::game_pause, "Pause"},    {Action::game_act, "V"},
+    {Action::game_more, "Period"},      {Action::game_less, "Comma"},     {Action::help, "Shift+F1"},
+    {Action::camera_panel, "Shift+F2"}, {Action::map_panel, "Shift+F3"},  {Action::content_panel, "Shift+F4"},
+    {Action::record_panel, "Shift+F5"}, {Action::debug_panel, "Shift+F6"}};
 constexpr int kModifiers = GLFW_MOD_CONTROL | GLFW_MOD_ALT | GLFW_MOD_SHIFT | GLFW_MOD_SUPER;
 
 bool same_word(const std::string& a, const std::string& b) {
@@ -216,11 +222,54 @@ std::string KeyBindings::chord_names(Action action) const {
   return names.empty() ? "none" : names;
 }
 
-void set_keys(const std::vector<std::pair<Action, std::vector<KeyChord>>>& wanted, KeyBindings* bindings) {
+std::vector<YieldedKey> set_keys(const std::vector<std::pair<Action, std::vector<KeyChord>>>& wanted,
+                                 KeyBindings* bindings) {
   KeyBindings changed = *bindings;
-  for (const auto& [action, chords] : wanted) changed.set(action, {});
+  std::array<bool, kActions> named{};
+  for (const auto& [action, chords] : wanted) named[row(action)] = true;
+  std::vector<YieldedKey> yielded;
+  std::array<bool, kActions> robbed{};
+  const auto taker = [&](const KeyChord& chord) -> std::optional<Action> {
+    for (const auto& [action, chords] : wanted)
+      if (std::find(chords.begin(), chords.end(), chord) != chords.end()) return action;
+    return std::nullopt;
+  };
+  for (int i = 0; i < kActions; ++i) {
+    const auto action = static_cast<Action>(i);
+    if (named[row(action)]) {
+      changed.set(action, {});
+      continue;
+    }
+    std::vector<KeyChord> left;
+    for (const KeyChord& chord : bindings->chords(action)) {
+      if (const auto to = taker(chord)) {
+        yielded.push_back({chord, action, *to});
+        robbed[row(action)] = true;
+      } else {
+        left.push_back(chord);
+      }
+    }
+    changed.set(action, std::move(left));
+  }
   for (const auto& [action, chords] : wanted) changed.set(action, chords);
+  for (const auto& [action, key] : kSecondChoices) {
+    const auto chord = parse_key_chord(key);
+    if (!robbed[row(action)] || !changed.chords(action).empty() || changed.action_of(chord->key, chord->modifiers))
+      continue;
+    changed.set(action, {*chord});
+  }
   *bindings = changed;
+  return yielded;
+}
+
+std::vector<std::string> yielded_text(const std::vector<YieldedKey>& yielded, const KeyBindings& bindings) {
+  std::vector<std::string> out;
+  for (const YieldedKey& y : yielded) {
+    const bool none = bindings.chords(y.from).empty();
+    out.push_back(key_chord_name(y.chord) + " is yours for " + action_name(y.to) + ": " + action_name(y.from) +
+                  (none ? " has no key now" : " has " + bindings.chord_names(y.from) + " now"));
+  }
+  return out;
 }
 
 }  // namespace parallax

@@ -4,6 +4,9 @@
 //     initialise: [Space, Enter]
 //     map_view: Ctrl+M
 //
+// A key that is named there belongs to that action alone: another action that has it by default goes without, or takes
+// its second choice where it has one, so that keys which a later version brings take none from the user.
+//
 // A key is written as on the keyboard: A to Z, 0 to 9, F1 to F25, Space, Enter, Escape, Tab, Left..., with Ctrl+,
 // Shift+, Alt+ or Super+ in front. Values; safe from any thread.
 #pragma once
@@ -86,8 +89,18 @@ class KeyBindings {
   std::vector<std::vector<KeyChord>> chords_;  // by action
 };
 
-// Replaces many at once, so that keys can be swapped between actions: actions that are named get exactly these keys.
-// Throws InputError when a key is left with two actions.
-void set_keys(const std::vector<std::pair<Action, std::vector<KeyChord>>>& wanted, KeyBindings* bindings);
+// A key that an action had by default and another was given.
+struct YieldedKey {
+  KeyChord chord;
+  Action from = Action::quit, to = Action::quit;
+};
+
+// Replaces many at once, so that keys can be swapped between actions: actions that are named get exactly these keys,
+// and the others keep of theirs what is not taken, which is returned. Throws InputError when a key is wanted for two
+// actions.
+std::vector<YieldedKey> set_keys(const std::vector<std::pair<Action, std::vector<KeyChord>>>& wanted,
+                                 KeyBindings* bindings);
+// One sentence for each action that yielded: "B is yours for label: game_pause has Pause now".
+std::vector<std::string> yielded_text(const std::vector<YieldedKey>& yielded, const KeyBindings& bindings);
 
 }  // namespace parallax

@@ -5,6 +5,7 @@
 #include "app/run_settings.h"
 #include "app/session_recorder.h"
 #include "core/error.h"
+#include "core/file_io.h"
 
 namespace parallax {
 
@@ -51,9 +52,11 @@ std::pair<LiveSource, std::string> open_wanted_source(const LiveOptions& options
   return {open(kSyntheticDesk), remark};
 }
 
-std::unique_ptr<SessionRecorder> open_recorder(const std::string& path, const LiveSource& source) {
+std::unique_ptr<SessionRecorder> open_recorder(const std::string& path, const LiveSource& source,
+                                               const MapSaverOptions& saving) {
   RecordingDescription description;
   description.source = source.name;
+  if (saving.continues) description.map = read_text_file(saving.path);
   description.camera["identity"] = source.identity;
   if (source.camera != nullptr)
     for (const CameraControl& control : source.camera->controls())

@@ -12,6 +12,7 @@
 #include "app/live_feed.h"
 #include "app/live_options.h"
 #include "app/live_session.h"
+#include "app/map_saver.h"
 #include "app/source.h"
 #include "app/user_settings.h"
 
@@ -63,7 +64,8 @@ class LiveEngine {
 };
 
 // The recorder of a session, with what the camera is set to. Throws RunError when the file cannot be made.
-std::unique_ptr<SessionRecorder> open_recorder(const std::string& path, const LiveSource& source);
+std::unique_ptr<SessionRecorder> open_recorder(const std::string& path, const LiveSource& source,
+                                               const MapSaverOptions& saving = {});
 
 // The camera to open when none is named: the settings', the last one when it is still there, the first found, the
 // synthetic desk; and a sentence about it where that may surprise. By hand: the synthetic desk is held by the user.

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <ctime>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
 
 #include "app/asset_folder.h"
 #include "app/game_hud.h"
+#include "app/game_menu_view.h"
 #include "core/error.h"
 
 namespace parallax {
@@ -47,19 +50,104 @@ LiveGames::~LiveGames() {
   }
 }
 
-std::string LiveGames::next(const CameraModel& lens) {
-  const std::vector<std::string>& names = game_names();
-  std::size_t following = 0;
-  if (session_) {
-    following = static_cast<std::size_t>(std::find(names.begin(), names.end(), session_->name()) - names.begin()) + 1;
-    leave();
+GameMenu& LiveGames::menu() {
+  if (!menu_) menu_.emplace(menu_games());
+  return *menu_;
+}
+
+void LiveGames::next() {
+  if (menu_is_open()) {
+    menu_->press(MenuKey::next, &store_);
+    return;
   }
-  if (following >= names.size()) return "no game";
-  begin(names[following], lens);
-  return session_->runner().game().info().title;
+  hold_game();
+  std::optional<std::size_t> on;
+  const std::vector<std::string>& names = game_names();
+  if (session_) on = static_cast<std::size_t>(std::find(names.begin(), names.end(), session_->name()) - names.begin());
+  menu().open(on);
+}
+
+void LiveGames::explain() {
+  if (!session_) return;
+  next();
+  menu_->explain(*menu_->playing());
+}
+
+void LiveGames::press(MenuKey key, const CameraModel& lens) {
+  if (!menu_is_open()) return;
+  const GameStore before = settings_now();
+  const MenuChoice choice = menu_->press(key, &store_);
+  apply_settings(before);
+  carry_out(choice, lens);
+}
+
+void LiveGames::draw_menu(const KeyBindings& keys, bool gamepad, const MakePicture& picture, const CameraModel& lens) {
+  if (!menu_is_open()) return;
+  if (pictures_.empty()) {
+    const std::string folder = folder_or_none("games");
+    for (std::size_t i = 0; i < menu_->games().size(); ++i) {
+      cv::Mat image;
+      if (!folder.empty())
+        image = cv::imread((std::filesystem::path(folder) / (menu_->games()[i].info.name + ".jpg")).string());
+      pictures_.push_back(image.empty() ? nullptr : picture(static_cast<int>(i), image));
+    }
+  }
+  const GameStore before = settings_now();
+  const MenuChoice choice = draw_game_menu({&keys, pictures_, gamepad}, &*menu_, &store_);
+  apply_settings(before);
+  carry_out(choice, lens);
+}
+
+void LiveGames::carry_out(const MenuChoice& choice, const CameraModel& lens) {
+  if (choice.kind == MenuChoice::Kind::none) return;
+  fire_held_back_ = true;
+  write_game_store(store_, store_path_);
+  if (choice.kind == MenuChoice::Kind::leave) {
+    leave();
+  } else if (choice.kind == MenuChoice::Kind::play && (!session_ || session_->name() != game_names()[choice.game])) {
+    leave();
+    begin(game_names()[choice.game], lens);
+  } else {
+    release_game();
+  }
+}
+
+// The menu is opened over a game: it waits.
+void LiveGames::hold_game() {
+  if (!session_ || session_->runner().phase() == GamePhase::paused) return;
+  session_->runner().pause();
+  held_by_menu_ = session_->runner().phase() == GamePhase::paused;
+}
+
+void LiveGames::release_game() {
+  if (session_ && held_by_menu_ && session_->runner().phase() == GamePhase::paused) session_->runner().toggle_pause();
+  held_by_menu_ = false;
+}
+
+// The games' own settings, without what is kept of games that were left.
+GameStore LiveGames::settings_now() const {
+  GameStore now;
+  now.settings = store_.settings;
+  return now;
+}
+
+// What can be changed in a game that is on is changed there too.
+void LiveGames::apply_settings(const GameStore& before) {
+  palette_.set(game_palette(store_.palette));
+  if (sounds_) {
+    sounds_->set_volume(store_.volume);
+    sounds_->set_muted(store_.mute);
+  }
+  if (!session_ || store_.settings == before.settings) return;
+  Game& game = session_->runner().game();
+  for (const GameSetting& setting : game.info().settings) {
+    const double value = own_setting(store_, game.info(), setting.name);
+    if (value != own_setting(before, game.info(), setting.name)) game.set(setting.name, value);
+  }
 }
 
 void LiveGames::begin(const std::string& name, const CameraModel& lens) {
+  palette_.set(game_palette(store_.palette));
   if (!models_) models_ = std::make_shared<const ModelSet>(ModelSet::load(asset_folder("models")));
   if (!sounds_) sounds_ = std::make_unique<SoundPlayer>(folder_or_none("sounds"));
   sounds_->set_volume(store_.volume);
@@ -79,6 +167,8 @@ void LiveGames::begin(const std::string& name, const CameraModel& lens) {
 }
 
 void LiveGames::leave() {
+  if (menu_) menu_->close();
+  held_by_menu_ = false;
   if (!session_) return;
   const GamePhase phase = session_->runner().phase();
   if (phase != GamePhase::idle && phase != GamePhase::over)
@@ -105,8 +195,11 @@ void LiveGames::finish_game() {
   write_game_store(store_, store_path_);
 }
 
-void LiveGames::frame(const LiveFrame& frame, const GameInput& input, double ahead_s) {
+void LiveGames::frame(const LiveFrame& frame, const GameInput& given, double ahead_s) {
   if (!session_) return;
+  GameInput input = given;
+  fire_held_back_ = fire_held_back_ && input.fire;
+  if (fire_held_back_) input.fire = false;
   if (frame.map && frame.map->plane && frame.map->version != seen_map_) {
     seen_map_ = frame.map->version;
     surface_->update(frame.map);
@@ -130,7 +223,10 @@ void LiveGames::frame(const LiveFrame& frame, const GameInput& input, double ahe
       scored_ = false;
     }
   }
-  sounds_->play(session_->runner().take_sounds());
+  std::vector<GameSound> sounds = session_->runner().take_sounds();
+  for (GameSound& sound : sounds)
+    if (sound.name != "countdown" && sound.name != "resume") sound.volume *= static_cast<float>(store_.effects);
+  sounds_->play(sounds);
   if (session_->field() && frame.tracked.camera_from_world) {
     const RigidTransform camera_from_plane = *frame.tracked.camera_from_world * session_->field()->world_from_plane;
     sounds_->set_listener({camera_from_plane, session_->field()->radius_m});
@@ -139,19 +235,26 @@ void LiveGames::frame(const LiveFrame& frame, const GameInput& input, double ahe
 
 void LiveGames::draw(const LiveFrame& frame, DrawList* out) {
   if (!session_) return;
+  const DrawnBefore before = DrawnBefore::of(*out);
   session_->draw(out);
+  palette_.apply(before, out);
   if (!store_.occlusion || !session_->surface() || !frame.tracked.camera_from_world || !mask_) return;
   out->occlusion_depth = mask_->update(*session_->surface(), *frame.tracked.camera_from_world, frame.frame.grey);
 }
 
-void LiveGames::draw_interface(const PictureArea& area) const {
-  if (!session_) return;
+void LiveGames::draw_interface(const PictureArea& area, const KeyBindings& keys) const {
+  if (!session_ || menu_is_open()) return;
   const Game& game = session_->runner().game();
   GameHudView view{area, game.info().title, game.hud(), session_->status()};
   if (session_->runner().phase() == GamePhase::over) {
     view.status += ": " + std::to_string(view.hud.score);
     if (!place_.empty()) view.status += ", " + place_;
+    view.below = keys.chord_names(Action::initialise) + ": again   " + keys.chord_names(Action::next_game) + ": games";
+  } else if (session_->runner().phase() == GamePhase::paused) {
+    view.below = keys.chord_names(Action::game_pause) + ": go on   " + keys.chord_names(Action::help) +
+                 ": how to play   " + keys.chord_names(Action::next_game) + ": games";
   }
+  palette_.apply(&view.hud);
   draw_game_hud(view);
 }
 

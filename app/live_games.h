@@ -1,16 +1,20 @@
-// The games in the live window: which one is on, what it is played with, its sounds, and what the real things on the
-// table hide of it.
+// The games in the live window: the menu, which one is on, what it is played with, its sounds, and what the real things
+// on the table hide of it.
 //
 // The window's thread. Nothing here waits: the surface of the table and the sounds have threads of their own, and
 // models are loaded when the first game begins.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "app/augmented_interface.h"
 #include "app/game_controls.h"
+#include "app/game_menu.h"
+#include "app/game_palette.h"
 #include "app/game_session.h"
 #include "app/game_store.h"
 #include "app/live_session.h"
@@ -22,16 +26,22 @@ namespace parallax {
 
 class LiveGames {
  public:
-  // `store_path`: where scores and left games are kept; empty: nowhere.
+  // `store_path`: where scores, settings and left games are kept; empty: nowhere.
   explicit LiveGames(std::string store_path);
   ~LiveGames();  // leaves the game; what cannot be written is lost
   LiveGames(const LiveGames&) = delete;
   LiveGames& operator=(const LiveGames&) = delete;
 
   bool playing() const { return session_ != nullptr; }
-  // The next game: none, swarm, burning glass, marbles, none... Returns what to say. A game that was left goes on.
-  std::string next(const CameraModel& lens);
-  // Keeps the game's state for the next time.
+  bool menu_is_open() const { return menu_ && menu_->is_open(); }
+  // Opens the menu at the next game, or goes on to the next card. A game that is on waits, and goes on after a
+  // count-down when the menu closes.
+  void next();
+  // Opens the explanation of the game that is on.
+  void explain();
+  // A press in the menu. Throws InputError when a game's models cannot be loaded.
+  void press(MenuKey key, const CameraModel& lens);
+  // Ends the game; its state is kept for the next time. Closes the menu.
   void leave();
   void toggle_pause();
 
@@ -39,14 +49,28 @@ class LiveGames {
   void frame(const LiveFrame& frame, const GameInput& input, double ahead_s);
   // What to append to the picture of that frame, and to write over it.
   void draw(const LiveFrame& frame, DrawList* out);
-  void draw_interface(const PictureArea& area) const;
+  void draw_interface(const PictureArea& area, const KeyBindings& keys) const;
+  // The menu, when it is open; `picture` makes a texture of an image, once for each key from 0 on.
+  using MakePicture = std::function<void*(int key, const cv::Mat& image)>;
+  void draw_menu(const KeyBindings& keys, bool gamepad, const MakePicture& picture, const CameraModel& lens);
 
  private:
+  GameMenu& menu();
   void begin(const std::string& name, const CameraModel& lens);
+  void carry_out(const MenuChoice& choice, const CameraModel& lens);
+  void hold_game();
+  void release_game();
+  GameStore settings_now() const;
+  void apply_settings(const GameStore& before);
   void finish_game();
 
   std::string store_path_;
   GameStore store_;
+  std::optional<GameMenu> menu_;  // once it was opened
+  bool held_by_menu_ = false;     // the game waits for the menu to close
+  bool fire_held_back_ = false;   // the button that closed the menu is no shot
+  std::vector<void*> pictures_;
+  PaletteFilter palette_;
   std::shared_ptr<const ModelSet> models_;
   std::unique_ptr<SoundPlayer> sounds_;
   std::unique_ptr<GameSession> session_;

@@ -8,6 +8,8 @@
 #include "app/live_options.h"
 #include "app/live_outputs.h"
 #include "app/live_session.h"
+#include "app/map_saver.h"
+#include "app/output_steps.h"
 #include "app/progress_bar.h"
 #include "app/run_drawing.h"
 #include "app/run_outputs.h"
@@ -43,8 +45,9 @@ CameraModel lens_for(const LiveSource& source) {
   return estimated_lens(source.width, source.height);
 }
 
-// Until the source ends, the limit is reached, a signal comes or a thread fails.
-void watch(const LiveOptions& options, bool limited_by_count, LiveSession* session, RunDrawing* drawing) {
+// Until the source ends, the limit is reached, a signal comes or a thread fails. Goes on without a video that fails.
+void watch(const LiveOptions& options, bool limited_by_count, LiveSession* session, RunDrawing* drawing,
+           MapSaver* saver, OutputSteps* steps) {
   const auto start = SteadyClock::now();
   ProgressBar line("live", options.frames_limit);
   int newest = -1;
@@ -53,12 +56,17 @@ void watch(const LiveOptions& options, bool limited_by_count, LiveSession* sessi
     const LiveSession::Statistics statistics = session->statistics();
     if (frame) {
       newest = frame->frame.index;
-      if (drawing != nullptr) drawing->draw(frame->frame, frame->tracked, frame->map);
+      if (drawing != nullptr && !steps->failed())
+        (*steps)([&] { drawing->draw(frame->frame, frame->tracked, frame->map); });
       line.update(statistics.frames_read, state_line(frame->tracked, frame->frames_per_second));
     }
     for (std::string failure = session->take_failure(); !failure.empty(); failure = session->take_failure()) {
       line.clear();
       std::cerr << "parallax: warning: " << failure << '\n';
+    }
+    if (const std::string message = saver ? saver->take_message() : std::string(); !message.empty()) {
+      line.clear();
+      std::cerr << "parallax: warning: " << message << '\n';
     }
     if (!frame && statistics.source_ended) break;
     if (limited_by_count && statistics.frames_read >= options.frames_limit) break;
@@ -82,8 +90,9 @@ int run_live_headless(const LiveOptions& options) {
   const bool limited_by_count = limited && source.camera != nullptr;
   const std::shared_ptr<FrameSource> frames =
       limited && !limited_by_count ? make_limited(source.frames, options.frames_limit) : source.frames;
+  const MapSaverOptions saving = begin_map_file(options.map, lens, &run_options);
   std::unique_ptr<SessionRecorder> recorder;
-  if (!options.record.empty()) recorder = open_recorder(options.record, source);
+  if (!options.record.empty()) recorder = open_recorder(options.record, source, saving);
   std::unique_ptr<RunDrawing> drawing;
   if (!options.video.empty()) {
     RunDrawingOptions wanted;
@@ -93,17 +102,23 @@ int run_live_headless(const LiveOptions& options) {
     drawing = std::make_unique<RunDrawing>(lens, source.frames->frames_per_second(), wanted);
   }
   RunResult result;
+  OutputSteps steps;
   {
     LiveSession session(frames, lens, run_options, std::move(recorder), [source] { source.stop(); });
-    watch(options, limited_by_count, &session, drawing.get());
+    std::unique_ptr<MapSaver> saver;
+    if (!options.map.empty()) saver = std::make_unique<MapSaver>(saving, [&] { return session.copy_map_and_world(); });
+    watch(options, limited_by_count, &session, drawing.get(), saver.get(), &steps);
     result = session.stop();
+    if (saver) steps([&] { saver->finish(); });
   }
-  if (drawing) drawing->close();
+  if (drawing) steps([&] { drawing->close(); });
+  const bool video_written = !options.video.empty() && !steps.failed();
   for (const SourceWarning& w : result.warnings) std::cerr << "parallax: warning: " << w.text << '\n';
-  write_live_outputs(options, source, run_options, lens, result);
+  write_live_outputs(options, source, run_options, lens, result, &steps);
   std::cout << summary_text(result);
-  if (!options.video.empty()) std::cout << "video: " << options.video << '\n';
+  if (video_written) std::cout << "video: " << options.video << '\n';
   if (!options.record.empty()) std::cout << "recording: " << options.record << '\n';
+  steps.finish();
   if (tracked_anything(result)) return kExitDone;
   std::cerr << "parallax: tracking never started: " << why_not_started(result) << '\n';
   return kExitFailed;

@@ -17,20 +17,20 @@ Trajectory truth_of(const FrameSource& frames, const std::string& name) {
 }  // namespace
 
 void write_live_outputs(const LiveOptions& options, const LiveSource& source, const RunOptions& run_options,
-                        const CameraModel& lens, const RunResult& result) {
-  if (!options.trajectory.empty()) write_trajectory_tum(tracked_trajectory(result), options.trajectory);
-  if (!options.keyframes.empty()) write_trajectory_tum(keyframe_trajectory(result), options.keyframes);
-  if (!options.truth.empty()) write_trajectory_tum(truth_of(*source.frames, source.name), options.truth);
-  if (!options.report.empty()) {
-    const ReportContext context{source.name,
-                                PARALLAX_VERSION,
-                                "live",
-                                run_options.manual_initialisation ? "manual" : "auto",
-                                source.frames->frames_per_second(),
-                                &lens,
-                                &run_options};
-    write_report_json(result, context, options.report);
-  }
+                        const CameraModel& lens, const RunResult& result, OutputSteps* steps) {
+  OutputSteps& step = *steps;
+  if (!options.trajectory.empty()) step([&] { write_trajectory_tum(tracked_trajectory(result), options.trajectory); });
+  if (!options.keyframes.empty()) step([&] { write_trajectory_tum(keyframe_trajectory(result), options.keyframes); });
+  if (!options.truth.empty()) step([&] { write_trajectory_tum(truth_of(*source.frames, source.name), options.truth); });
+  if (options.report.empty()) return;
+  const ReportContext context{source.name,
+                              PARALLAX_VERSION,
+                              "live",
+                              run_options.manual_initialisation ? "manual" : "auto",
+                              source.frames->frames_per_second(),
+                              &lens,
+                              &run_options};
+  step([&] { write_report_json(result, context, options.report); });
 }
 
 }  // namespace parallax

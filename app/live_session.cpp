@@ -173,6 +173,8 @@ Map LiveSession::copy_map() const {
   return implementation_->engine.map().read([](const Map& map) { return map; });
 }
 
+MapCopy LiveSession::copy_map_and_world() const { return implementation_->engine.map().copy(); }
+
 LiveSession::Statistics LiveSession::statistics() const {
   const Implementation& my = *implementation_;
   Statistics out;

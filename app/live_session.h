@@ -65,6 +65,7 @@ class LiveSession {
 
   // A copy of the map, taken under its lock (images are shared, not copied): for the map view and for saving.
   Map copy_map() const;
+  MapCopy copy_map_and_world() const;
 
   struct Statistics {
     int frames_read = 0, frames_dropped = 0;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "app/augmented_view.h"
+#include "app/display_latency.h"
 #include "app/live_toasts.h"
 #include "app/user_settings.h"
 #include "camera/live_camera.h"
@@ -56,6 +57,7 @@ struct LiveState {
   double marker_cm = 5;                          // being typed
   double drawing_ms = 0, frame_interval_ms = 0;  // of the window, smoothed
   double slowest_draw_ms = 0;                    // since the start
+  DisplayLatency latency;
 
   bool video_running = false, recording = false;
   std::string picture_folder, video_folder;

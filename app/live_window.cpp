@@ -23,7 +23,7 @@ constexpr std::chrono::milliseconds kIdleDraw{100};
 // How long the loop waits for a frame before it looks at keys and pointer.
 constexpr std::chrono::milliseconds kFrameWait{8};
 // Pictures of keyframes, as SceneRenderer::picture() keeps them.
-constexpr int kLostPicture = 1, kSelectedPicture = 2;
+constexpr int kLostPicture = 1, kSelectedPicture = 2, kFirstGamePicture = 10;
 
 WindowGeometry geometry_of(const ProgramState& state, bool full_screen) {
   WindowGeometry geometry;
@@ -52,6 +52,10 @@ LiveWindow::LiveWindow(const LiveOptions& options, const UserSettings& settings,
   };
   state_.picture_folder = folder(settings.pictures, pictures_folder());
   state_.video_folder = folder(settings.videos, videos_folder());
+  std::string remarks;
+  for (const std::string& remark : settings.key_remarks) remarks += (remarks.empty() ? "" : "\n") + remark;
+  if (!remarks.empty() && remarks != remembered_.key_remarks) state_.toasts.add(remarks, true);
+  remembered_.key_remarks = remarks;
   engine_.open();
   window_ = std::make_unique<Window>("Parallax", geometry_of(state, options.full_screen), settings.interface_scale);
   renderer_ = std::make_unique<SceneRenderer>();
@@ -112,9 +116,9 @@ bool LiveWindow::has_news() {
     path_.add(shown_->tracked);
     if (shown_->map) state_.content.follow(*shown_->map);
     if (state_.selected && state_.content.find(*state_.selected) == nullptr) state_.selected.reset();
-    // Seen when the frame is drawn, after the time tracking took.
-    games_.frame(*shown_, game_input(game_keys(), games_.playing() ? read_game_pad() : GamePad{}),
-                 1e-3 * (state_.drawing_ms + static_cast<double>(shown_->tracked.times.total)));
+    const double ahead_s = latency_.take(shown_->frame.time, 1e-3 * static_cast<double>(shown_->tracked.times.total),
+                                         SteadyClock::now().time_since_epoch());
+    games_.frame(*shown_, game_input(game_keys(), game_has_keys() ? pad_ : GamePad{}), ahead_s);
     ambient_ =
         light_.update(shown_->frame.colour.empty() ? cv::Mat(shown_->frame.grey) : cv::Mat(shown_->frame.colour));
     return true;
@@ -173,6 +177,8 @@ void LiveWindow::draw() {
   capture();
   const double ms = milliseconds_since(start);
   window_->swap();
+  latency_.shown(SteadyClock::now().time_since_epoch());
+  state_.latency = latency_;
   state_.drawing_ms += 0.1 * (ms - state_.drawing_ms);
   state_.slowest_draw_ms = std::max(state_.slowest_draw_ms, ms);
   if (interval < 1000) state_.frame_interval_ms += 0.1 * (interval - state_.frame_interval_ms);
@@ -280,7 +286,7 @@ void LiveWindow::draw_interface(const Picture& picture) {
     }
   }
   draw_augmented_interface(view);
-  if (shown_->map && !shown_->map->empty()) games_.draw_interface(picture.area);
+  if (shown_->map && !shown_->map->empty()) games_.draw_interface(picture.area, state_.settings.keys);
 }
 
 void LiveWindow::draw_panels() {
@@ -293,6 +299,16 @@ void LiveWindow::draw_panels() {
   if (state_.panels.debug) draw_debug_panel(&state_, &engine_, frame);
   const bool entered = draw_task(&state_);
   if (std::exchange(enter_seen_, false) || entered) end_task();
+  if (state_.screen == Screen::augmented && games_.menu_is_open()) {
+    try {
+      games_.draw_menu(
+          state_.settings.keys, pad_.present,
+          [this](int key, const cv::Mat& image) { return renderer_->picture(kFirstGamePicture + key, image); },
+          engine_.lens());
+    } catch (const std::exception& e) {
+      state_.toasts.add(e.what(), true);
+    }
+  }
   draw_toasts(&state_);
 }
 
@@ -332,6 +348,7 @@ void LiveWindow::update_title() {
   if (state_.screen == Screen::augmented || state_.screen == Screen::map)
     what = shown_ ? to_string(shown_->tracked.state) : "starting";
   if (state_.screen == Screen::map) what += ", map";
+  if (state_.screen == Screen::augmented && games_.menu_is_open()) what += ", games";
   if (what == title_) return;
   title_ = what;
   window_->set_title("Parallax: " + what);
@@ -339,7 +356,7 @@ void LiveWindow::update_title() {
 
 ProgramState LiveWindow::state_to_remember() const { return remembered_; }
 
-std::optional<RunResult> LiveWindow::finish() {
+std::optional<RunResult> LiveWindow::finish(OutputSteps* steps) {
   const WindowGeometry geometry = window_->geometry();
   remembered_.window_x = geometry.x;
   remembered_.window_y = geometry.y;
@@ -347,20 +364,16 @@ std::optional<RunResult> LiveWindow::finish() {
   remembered_.window_height = geometry.height;
   remembered_.full_screen = geometry.full_screen;
   calibration_.reset();
-  std::string failure;
   if (video_) {
-    try {
+    (*steps)([&] {
       video_->close();
       std::cout << "video: " << video_->path() << '\n';
-    } catch (const std::exception& e) {
-      failure = e.what();
-    }
+    });
     video_.reset();
   }
   renderer_.reset();
   window_.reset();
   engine_.end();
-  if (!failure.empty()) throw RunError(failure);
   return engine_.last_result();
 }
 
@@ -368,7 +381,8 @@ int run_live_window(const LiveOptions& options) {
   const UserSettings settings = read_user_settings(settings_path());
   LiveWindow window(options, settings, read_program_state(state_path()));
   window.run();
-  const std::optional<RunResult> result = window.finish();
+  OutputSteps steps;
+  const std::optional<RunResult> result = window.finish(&steps);
   if (!state_path().empty()) {
     try {
       write_program_state(window.state_to_remember(), state_path());
@@ -376,10 +390,13 @@ int run_live_window(const LiveOptions& options) {
       std::cerr << "parallax: warning: " << e.what() << '\n';
     }
   }
-  if (!result) return kExitDone;
-  for (const SourceWarning& w : result->warnings) std::cerr << "parallax: warning: " << w.text << '\n';
-  write_live_outputs(options, window.engine().source(), window.engine().run_options(), window.engine().lens(), *result);
-  std::cout << summary_text(*result);
+  if (result) {
+    for (const SourceWarning& w : result->warnings) std::cerr << "parallax: warning: " << w.text << '\n';
+    write_live_outputs(options, window.engine().source(), window.engine().run_options(), window.engine().lens(),
+                       *result, &steps);
+    std::cout << summary_text(*result);
+  }
+  steps.finish();
   return kExitDone;
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "app/augmented_interface.h"
+#include "app/display_latency.h"
 #include "app/live_calibration.h"
 #include "app/live_engine.h"
 #include "app/live_games.h"
@@ -16,6 +17,7 @@
 #include "app/map_view.h"
 #include "app/marker_scale.h"
 #include "app/orbit_camera.h"
+#include "app/output_steps.h"
 #include "app/screenshot.h"
 #include "app/view_memory.h"
 #include "render/light_estimate.h"
@@ -33,8 +35,9 @@ class LiveWindow {
 
   // Until the user quits, a signal comes or a limit is reached.
   void run();
-  // Closes the window, ends the session and says what it was; nothing when none was begun.
-  std::optional<RunResult> finish();
+  // Closes the window, ends the session and says what it was; nothing when none was begun. A video that cannot be
+  // finished is a failing step.
+  std::optional<RunResult> finish(OutputSteps* steps);
   const LiveEngine& engine() const { return engine_; }
   ProgramState state_to_remember() const;
 
@@ -63,6 +66,10 @@ class LiveWindow {
   bool game_has_keys() const;
   GameKeys game_keys() const;
   void next_game();
+  // A key while the menu of the games is open; false: it is not the menu's.
+  bool menu_takes(const KeyEvent& event);
+  void press_in_menu(MenuKey key);
+  void take_pad();
   void take_pointer(const Picture& picture);
   // The pixel of the camera's image there (framebuffer); nothing beside it, or on a panel.
   std::optional<Eigen::Vector2d> pixel_at(const Picture& picture, double pointer_x, double pointer_y) const;
@@ -91,6 +98,9 @@ class LiveWindow {
   std::unique_ptr<LiveCalibration> calibration_;
   LivePointing pointing_;
   LiveGames games_;
+  GamePad pad_;
+  PadWatch pad_watch_;
+  DisplayLatency latency_;
 
   // The frame that is shown, and what is remembered from those before.
   std::shared_ptr<const LiveFrame> shown_;

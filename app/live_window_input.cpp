@@ -32,8 +32,10 @@ void LiveWindow::take_keys() {
       continue;
     }
     if (enter) enter_acted_ = true;
+    if (games_.menu_is_open() && menu_takes(event)) continue;
     if (const auto action = state_.settings.keys.action_of(event.key, event.modifiers)) act(*action);
   }
+  take_pad();
   move_hand();
   pointer_ = window_->pointer();
   if (pointer_.x != last_pointer_.x || pointer_.y != last_pointer_.y || pointer_.scroll != 0 ||
@@ -90,7 +92,11 @@ void LiveWindow::act(Action action) {
       state_.requests.find_plane = true;
       break;
     case Action::help:
-      panels.help = !panels.help;
+      if (game_has_keys() && !panels.help) {
+        games_.explain();
+      } else {
+        panels.help = !panels.help;
+      }
       break;
     case Action::camera_panel:
       panels.camera = !panels.camera;
@@ -148,7 +154,8 @@ bool LiveWindow::is_held(Action action) const {
 
 // A game has the keys while it is seen and there is a map to play on; with Shift the synthetic camera has them.
 bool LiveWindow::game_has_keys() const {
-  return games_.playing() && state_.screen == Screen::augmented && shown_ && shown_->map && !shown_->map->empty();
+  return games_.playing() && !games_.menu_is_open() && state_.screen == Screen::augmented && shown_ && shown_->map &&
+         !shown_->map->empty();
 }
 
 GameKeys LiveWindow::game_keys() const {
@@ -167,18 +174,75 @@ GameKeys LiveWindow::game_keys() const {
 }
 
 void LiveWindow::next_game() {
-  if (engine_.session() == nullptr || state_.screen != Screen::augmented) return;
+  if (engine_.session() == nullptr || (state_.screen != Screen::augmented && state_.screen != Screen::map)) return;
+  if (state_.screen == Screen::map) act(Action::map_view);
+  drop_task();
+  games_.next();
+}
+
+// Arrows, Enter, Space and Escape are the menu's whatever they are bound to; so are the keys of what it has.
+bool LiveWindow::menu_takes(const KeyEvent& event) {
+  if (state_.screen != Screen::augmented) return false;
+  static constexpr std::pair<int, MenuKey> kKeys[] = {
+      {GLFW_KEY_LEFT, MenuKey::left},    {GLFW_KEY_RIGHT, MenuKey::right},  {GLFW_KEY_UP, MenuKey::up},
+      {GLFW_KEY_DOWN, MenuKey::down},    {GLFW_KEY_ENTER, MenuKey::accept}, {GLFW_KEY_KP_ENTER, MenuKey::accept},
+      {GLFW_KEY_SPACE, MenuKey::accept}, {GLFW_KEY_ESCAPE, MenuKey::back},  {GLFW_KEY_BACKSPACE, MenuKey::back},
+      {GLFW_KEY_TAB, MenuKey::next}};
+  if (event.modifiers == 0)
+    for (const auto& [key, meaning] : kKeys)
+      if (key == event.key) {
+        press_in_menu(meaning);
+        return true;
+      }
+  static constexpr std::pair<Action, MenuKey> kMeanings[] = {
+      {Action::move_left, MenuKey::left}, {Action::move_right, MenuKey::right},  {Action::move_forward, MenuKey::up},
+      {Action::move_back, MenuKey::down}, {Action::initialise, MenuKey::accept}, {Action::next_game, MenuKey::next},
+      {Action::help, MenuKey::help},      {Action::game_pause, MenuKey::back}};
+  const auto action = state_.settings.keys.action_of(event.key, event.modifiers);
+  for (const auto& [meant, meaning] : kMeanings)
+    if (action == meant) {
+      press_in_menu(meaning);
+      return true;
+    }
+  // What concerns the window goes on; what would change the picture behind the menu does not.
+  return action != Action::screenshot && action != Action::video && action != Action::full_screen &&
+         action != Action::debug_panel && action != Action::quit;
+}
+
+void LiveWindow::press_in_menu(MenuKey key) {
   try {
-    state_.toasts.add(games_.next(engine_.lens()));
+    games_.press(key, engine_.lens());
   } catch (const std::exception& e) {
     state_.toasts.add(e.what(), true);
+  }
+}
+
+void LiveWindow::take_pad() {
+  pad_ = engine_.session() != nullptr ? read_game_pad() : GamePad{};
+  const PadPresses pressed = pad_watch_.update(pad_);
+  if (state_.screen != Screen::augmented) return;
+  if (!games_.menu_is_open()) {
+    if (pressed.next) act(Action::next_game);
+    if (pressed.pause) games_.toggle_pause();
+    if (pressed.help && game_has_keys()) games_.explain();
+    input_seen_ = input_seen_ || pressed.next || pressed.pause || pressed.help;
+    return;
+  }
+  const std::pair<bool, MenuKey> keys[] = {
+      {pressed.left, MenuKey::left},  {pressed.right, MenuKey::right},   {pressed.up, MenuKey::up},
+      {pressed.down, MenuKey::down},  {pressed.accept, MenuKey::accept}, {pressed.cancel, MenuKey::back},
+      {pressed.pause, MenuKey::back}, {pressed.next, MenuKey::next},     {pressed.help, MenuKey::help}};
+  for (const auto& [is_pressed, key] : keys) {
+    if (!is_pressed) continue;
+    press_in_menu(key);
+    input_seen_ = true;
   }
 }
 
 void LiveWindow::move_hand() {
   if (!engine_.is_open() || engine_.source().hand == nullptr) return;
   const bool shift = window_->key_down(GLFW_KEY_LEFT_SHIFT) || window_->key_down(GLFW_KEY_RIGHT_SHIFT);
-  const bool free = !game_has_keys() || shift;
+  const bool free = (!game_has_keys() && !games_.menu_is_open()) || shift;
   const auto held = [&](Action action) {
     const bool sideways = action != Action::move_up && action != Action::move_down;
     return (free || !sideways) && is_held(action) ? 1.0 : 0.0;

@@ -1,5 +1,8 @@
 #include <imgui.h>
 
+#include <algorithm>
+
+#include "app/game_session.h"
 #include "app/panels_draw.h"
 
 namespace parallax {
@@ -8,6 +11,12 @@ void draw_debug_panel(LiveState* state, LiveEngine* engine, const LiveFrame* fra
   if (!begin_panel("Timings", &state->panels.debug, 0, 27)) return ImGui::End();
   ImGui::Text("window: %.1f ms to draw (slowest %.0f), %.1f a second", state->drawing_ms, state->slowest_draw_ms,
               state->frame_interval_ms > 0 ? 1000 / state->frame_interval_ms : 0.0);
+  if (state->latency.capture_to_display_s() > 0) {
+    ImGui::Text("latency: %.0f ms from %s to display", 1e3 * state->latency.capture_to_display_s(),
+                state->latency.exact() ? "capture" : "the fastest arrival");
+    ImGui::Text("games: aim predicted %.0f ms ahead",
+                1e3 * std::min(state->latency.horizon_s(), kFarthestPrediction_s));
+  }
   if (engine->is_open()) {
     const CameraStatus status = engine->feed().status();
     ImGui::Text("camera: %.1f a second", status.measured_fps);

@@ -31,6 +31,7 @@ void draw_help_panel(LiveState* state) {
       "Click selects a label or model, dragging moves it. The synthetic camera turns when the picture is dragged, and "
       "goes forward with the wheel. In the map view: drag turns, right drag pans, the wheel zooms, a click picks a "
       "keyframe.");
+  for (const std::string& remark : state->settings.key_remarks) ImGui::TextUnformatted(remark.c_str());
   const std::string path = settings_path();
   if (!path.empty()) ImGui::Text("Keys are changed in %s", path.c_str());
   ImGui::PopTextWrapPos();

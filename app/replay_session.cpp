@@ -4,6 +4,7 @@
 #include "app/session_hash.h"
 #include "app/session_options.h"
 #include "core/error.h"
+#include "map/map_file.h"
 #include "map/replay_schedule.h"
 
 namespace parallax {
@@ -24,6 +25,7 @@ class Replay {
         schedule_(parse_schedule(source->contents().schedule, source->description()), &map_),
         mapper_(camera_, options_.mapper, &map_, schedule_.mapper()),
         tracker_(camera_, options_.tracker, options_.automatic_initialisation(), schedule_.tracker()) {
+    begin_with(options_, &map_);
     schedule_.set_mapper_step([this] { return mapper_.step(); });
   }
 
@@ -37,7 +39,7 @@ class Replay {
     collect_warnings(&source_, &out_);
     out_.mapper = mapper_.statistics();
     out_.wall_seconds = milliseconds_since(start) * 1e-3;
-    collect_map(map_, &out_);
+    collect_map(map_, options_, &out_);
     return std::move(out_);
   }
 
@@ -111,6 +113,10 @@ RunOptions recorded_options(const RecordingSource& source, const RunOptions& oth
   const RunOptions recorded = parse_exact_options(*text, source.description());
   out.tracker = recorded.tracker;
   out.mapper = recorded.mapper;
+  out.initial_map.reset();
+  if (const std::string* map = entry(source.contents().header, "map"))
+    out.initial_map = std::make_shared<const MapDocument>(
+        read_map_bytes(std::as_bytes(std::span(*map)), source.description() + ": the map it began with"));
   out.key_presses.reset();
   out.manual_initialisation = recorded.manual_initialisation;
   return out;

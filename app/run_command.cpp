@@ -6,6 +6,8 @@
 #include "app/asset_folder.h"
 #include "app/command.h"
 #include "app/game_session.h"
+#include "app/map_saver.h"
+#include "app/output_steps.h"
 #include "app/progress_bar.h"
 #include "app/replay_session.h"
 #include "app/run_drawing.h"
@@ -20,7 +22,7 @@ namespace {
 
 struct RunArguments {
   std::string source, calibration, init = "auto", pace;
-  std::string trajectory, keyframes, points, timing, report, video, frames, truth, game;
+  std::string trajectory, keyframes, points, map, from, timing, report, video, frames, truth, game;
   bool no_occlusion = false;
   int start = 0, count = -1, threads = 1;
   double speed = 1.0;
@@ -74,7 +76,8 @@ Trajectory true_trajectory(const FrameSource& frames, const std::string& name) {
 RecordingSource* source_to_replay(const RunArguments& args, const OpenedSource& opened) {
   auto* recording = dynamic_cast<RecordingSource*>(opened.frames.get());
   const bool possible = recording && can_replay(*recording);
-  const bool changed = args.init != "auto" || args.start > 0 || !args.calibration.empty() || !args.settings.empty();
+  const bool changed = args.init != "auto" || args.start > 0 || !args.calibration.empty() || !args.settings.empty() ||
+                       !args.from.empty();
   if (args.pace == "replay") {
     if (!possible) throw InputError("--pace replay: " + args.source + " is no recorded session");
     if (changed) throw InputError("--pace replay: a session is replayed with its own settings, found others");
@@ -99,11 +102,13 @@ int run(RunArguments args) {
   RecordingSource* const replayed = source_to_replay(args, opened);
   if (args.pace.empty()) args.pace = replayed ? "replay" : "realtime";
   options.pace = args.pace == "lockstep" ? Pace::lockstep : Pace::realtime;
+  if (!args.from.empty()) options.initial_map = open_initial_map(args.from, opened.camera);
   if (replayed) options = recorded_options(*replayed, options);
   const int total = opened.frames->frame_count();
   check_frame_numbers(args, options, total);
   const double fps = opened.frames->frames_per_second();
   const Trajectory truth = args.truth.empty() ? Trajectory{} : true_trajectory(*opened.frames, args.source);
+  const std::vector<StampedPose> true_poses = game ? opened.frames->ground_truth() : std::vector<StampedPose>{};
   std::unique_ptr<FrameSource> source = std::move(opened.frames);
   if (!replayed) source = make_read_ahead(std::move(source));
   std::unique_ptr<RunDrawing> drawing;
@@ -120,33 +125,39 @@ int run(RunArguments args) {
   }
   RunResult result;
   ReplayReport replay;
+  OutputSteps steps;
   {
     ProgressBar progress("tracking", total);
     int done = 0;
     const FrameObserver observer = [&](const Frame& frame, const TrackingResult& tracked,
                                        const std::shared_ptr<const TrackingSnapshot>& map) {
-      if (drawing) drawing->draw(frame, tracked, map);
+      if (drawing && !steps.failed()) steps([&] { drawing->draw(frame, tracked, map); });
       progress.update(++done, to_string(tracked.state));
     };
     result = replayed ? replay_session(replayed, options, observer, &replay)
                       : run_session(source.get(), opened.camera, options, observer);
   }
-  if (drawing) drawing->close();
+  if (drawing) steps([&] { drawing->close(); });
+  const bool video_written = !args.video.empty() && !steps.failed();
+  std::optional<GameOutcome> played = drawing ? drawing->game() : std::nullopt;
+  if (played) played->drift = measure_drift(played->sights, true_poses, opened.camera);
   for (const SourceWarning& w : result.warnings) std::cerr << "parallax: warning: " << w.text << '\n';
-  if (!args.trajectory.empty()) write_trajectory_tum(tracked_trajectory(result), args.trajectory);
-  if (!args.truth.empty()) write_trajectory_tum(truth, args.truth);
-  if (!args.keyframes.empty()) write_trajectory_tum(keyframe_trajectory(result), args.keyframes);
-  if (!args.points.empty()) write_points_ply(result.map, args.points);
-  if (!args.timing.empty()) write_timing_csv(result, args.timing);
+  if (!args.trajectory.empty()) steps([&] { write_trajectory_tum(tracked_trajectory(result), args.trajectory); });
+  if (!args.truth.empty()) steps([&] { write_trajectory_tum(truth, args.truth); });
+  if (!args.keyframes.empty()) steps([&] { write_trajectory_tum(keyframe_trajectory(result), args.keyframes); });
+  if (!args.points.empty()) steps([&] { write_points_ply(result.map, args.points); });
+  if (!args.map.empty()) steps([&] { write_run_map(result, opened.camera, args.map); });
+  if (!args.timing.empty()) steps([&] { write_timing_csv(result, args.timing); });
   if (!args.report.empty()) {
     const ReportContext context{args.source, PARALLAX_VERSION, args.pace, args.init, fps, &opened.camera, &options};
-    write_report_json(result, context, args.report, drawing && drawing->game() ? &*drawing->game() : nullptr);
+    steps([&] { write_report_json(result, context, args.report, played ? &*played : nullptr); });
   }
   std::cout << summary_text(result);
-  if (drawing && drawing->game()) std::cout << game_text(*drawing->game());
-  if (!args.video.empty()) std::cout << "video: " << args.video << '\n';
+  if (played) std::cout << game_text(*played);
+  if (video_written) std::cout << "video: " << args.video << '\n';
   if (drawing && drawing->left_out() > 0)
     std::cerr << "parallax: warning: " << drawing->left_out() << " frames were not drawn, which took too long\n";
+  steps.finish();
   if (replayed && replay.verdict == ReplayReport::Verdict::different) {
     std::cerr << "parallax: " << replay.text << '\n';
     return kExitFailed;
@@ -183,6 +194,8 @@ void add_run_command(CLI::App& app, int* exit_code) {
   command->add_option("--trajectory", args->trajectory, "Write every tracked pose (TUM form)");
   command->add_option("--keyframes", args->keyframes, "Write the keyframes' poses (TUM form)");
   command->add_option("--points", args->points, "Write the map's points (PLY)");
+  command->add_option("--map", args->map, "Write the map, to go on with later (`parallax map info`)");
+  command->add_option("--from", args->from, "Begin with this saved map, and with finding the place on it");
   command->add_option("--timing", args->timing, "Write a row a frame (CSV)");
   command->add_option("--report", args->report, "Write counts, timings and settings (JSON)");
   command->add_option("--truth", args->truth, "Write the source's true poses, where it carries them (TUM form)");

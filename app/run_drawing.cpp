@@ -66,6 +66,7 @@ struct RunDrawing::Implementation {
   struct Stage {
     std::optional<OffscreenView> view;  // when there is something to draw for
     std::optional<GameSession> game;
+    std::vector<GameSight> sights;
     std::optional<SurfaceReconstruction> surface;
     std::optional<OcclusionMask> mask;
   };
@@ -95,6 +96,7 @@ struct RunDrawing::Implementation {
     }
     stage->game->frame(job.frame, job.tracked, job.map.get(), GameInput{});
     stage->game->runner().take_sounds();
+    if (const auto sight = stage->game->sight()) stage->sights.push_back(*sight);
   }
 
   void handle(const Job& job, Stage* stage) {
@@ -138,7 +140,10 @@ struct RunDrawing::Implementation {
     try {
       while (auto job = queue.pop(stop)) handle(*job, &stage);
       if (video && !stop.stop_requested()) video->close();
-      if (stage.game) outcome = outcome_of(*stage.game, options.game->options);
+      if (stage.game) {
+        outcome = outcome_of(*stage.game, options.game->options);
+        outcome->sights = std::move(stage.sights);
+      }
       ended.set_value();
     } catch (...) {
       ended.set_exception(std::current_exception());

@@ -6,7 +6,10 @@
 #include <sstream>
 
 #include "app/game_report.h"
+#include "camera/calibration_file.h"
+#include "core/error.h"
 #include "core/file_io.h"
+#include "map/map_file.h"
 
 namespace parallax {
 namespace {
@@ -61,6 +64,16 @@ Trajectory keyframe_trajectory(const RunResult& result) {
   Trajectory out;
   for (const Keyframe& kf : result.map.keyframes) out.push_back({kf.time, kf.camera_from_world.inverse()});
   return out;
+}
+
+void write_run_map(const RunResult& result, const CameraModel& camera, const std::string& path) {
+  if (result.map.empty()) throw RunError(path + ": not written: there is no map");
+  MapDocument document;
+  if (result.initial_map) document = *result.initial_map;  // its name, and what stands on it
+  for (ContentItem& item : document.content) item.world_from_item = result.world_from_first * item.world_from_item;
+  document.map = result.map;
+  document.calibration = format_calibration(camera);
+  write_map_file(document, path, std::string("parallax ") + PARALLAX_VERSION);
 }
 
 void write_points_ply(const Map& map, const std::string& path) {

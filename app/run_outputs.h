@@ -16,6 +16,8 @@ Trajectory tracked_trajectory(const RunResult& result);
 Trajectory keyframe_trajectory(const RunResult& result);
 
 void write_points_ply(const Map& map, const std::string& path);
+// The map as a map file. `camera` is the lens it was made with. RunError when there is no map.
+void write_run_map(const RunResult& result, const CameraModel& camera, const std::string& path);
 void write_timing_csv(const RunResult& result, const std::string& path);
 
 struct ReportContext {

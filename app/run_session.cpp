@@ -12,6 +12,7 @@ RunResult run_lockstep(FrameSource* source, const CameraModel& camera, const Run
   RunResult out;
   const auto start = SteadyClock::now();
   SharedMap map;
+  begin_with(options, &map);
   MapperInbox inbox(kInboxCapacity);
   Mapper mapper(camera, options.mapper, &map, &inbox);
   Tracker tracker(camera, options.tracker, options.automatic_initialisation(), &map, &inbox);
@@ -29,7 +30,7 @@ RunResult run_lockstep(FrameSource* source, const CameraModel& camera, const Run
   collect_warnings(source, &out);
   out.mapper = mapper.statistics();
   out.wall_seconds = milliseconds_since(start) * 1e-3;
-  collect_map(map, &out);
+  collect_map(map, options, &out);
   return out;
 }
 

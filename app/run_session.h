@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "camera/frame_source.h"
+#include "map/map_document.h"
 #include "map/shared_map.h"
 #include "mapper/mapper.h"
 #include "tracker/tracker.h"
@@ -17,6 +18,9 @@
 namespace parallax {
 
 enum class Pace { realtime, lockstep };
+
+// TrackingSnapshot::map_version of RunOptions::initial_map.
+inline constexpr std::uint64_t kInitialMapVersion = 1;
 
 struct RunOptions {
   Pace pace = Pace::realtime;
@@ -32,6 +36,8 @@ struct RunOptions {
   bool keep_trajectory = true;  // RunResult::poses when kept_frames is bounded: some 10 MB an hour
   TrackerOptions tracker;
   MapperOptions mapper;
+  // The session begins with this map, and with finding itself on it; null: with none.
+  std::shared_ptr<const MapDocument> initial_map;
 
   bool automatic_initialisation() const { return !key_presses && !manual_initialisation; }
 };
@@ -70,6 +76,7 @@ struct RunResult {
   double wall_seconds = 0;
   MapperStatistics mapper;
   Map map;  // as it was at the end
+  std::shared_ptr<const MapDocument> initial_map;  // what the session began with, when the map is still that one
   SimilarityTransform world_from_first;
   std::uint64_t map_version = 0;
   LockTimes lock_times;

@@ -103,15 +103,22 @@ void keep_result(TrackingResult result, const RunOptions& options, RunResult* ou
   }
 }
 
+void begin_with(const RunOptions& options, SharedMap* map) {
+  if (!options.initial_map) return;
+  map->replace_map(options.initial_map->map);
+  map->publish();
+}
+
 void collect_warnings(FrameSource* source, RunResult* out) {
   for (SourceWarning& w : source->take_warnings()) append_bounded(std::move(w), kWarningsKept, &out->warnings);
 }
 
-void collect_map(const SharedMap& map, RunResult* out) {
-  out->map = map.read([](const Map& m) { return m; });
-  const auto snapshot = map.snapshot();
-  out->world_from_first = snapshot->world_from_first;
-  out->map_version = snapshot->map_version;
+void collect_map(const SharedMap& map, const RunOptions& options, RunResult* out) {
+  MapCopy copy = map.copy();
+  out->map = std::move(copy.map);
+  out->world_from_first = copy.world_from_first;
+  out->map_version = copy.map_version;
+  if (copy.map_version == kInitialMapVersion) out->initial_map = options.initial_map;
   out->lock_times = map.lock_times();
   out->snapshot_waits_ms = map.snapshot_waits_ms();
 }
@@ -129,6 +136,7 @@ SessionEngine::SessionEngine(FrameSource* source, const CameraModel& camera, con
       tracker_(camera, options_.tracker, options_.automatic_initialisation(), tracker_schedule_.get()),
       arriving_(kLiveQueue),
       started_(SteadyClock::now()) {
+  begin_with(options_, &map_);
   if (recorder_) recorder_->begin(camera_, options_, source_->frames_per_second());
 }
 
@@ -252,7 +260,7 @@ RunResult SessionEngine::finish() {
   result_.frames_dropped = frames_dropped_;
   result_.mapper = mapper_.statistics();
   result_.wall_seconds = milliseconds_since(started_) * 1e-3;
-  collect_map(map_, &result_);
+  collect_map(map_, options_, &result_);
   if (recorder_) recorder_->finish(hash_of(result_.map));
   return std::move(result_);
 }

@@ -93,10 +93,13 @@ class KeyPresses {
 // Throws InputError when the frame is not of the camera's size.
 void check_size(const Frame& frame, const CameraModel& camera, const FrameSource& source);
 
+// Puts the map that the options begin with in its place; before anything runs.
+void begin_with(const RunOptions& options, SharedMap* map);
+
 // Keeps a frame's result as RunOptions asks for, and moves what the source complained of.
 void keep_result(TrackingResult result, const RunOptions& options, RunResult* out);
 void collect_warnings(FrameSource* source, RunResult* out);
 // The map and its versions as they are now, into the result.
-void collect_map(const SharedMap& map, RunResult* out);
+void collect_map(const SharedMap& map, const RunOptions& options, RunResult* out);
 
 }  // namespace parallax

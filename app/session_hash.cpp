@@ -2,7 +2,7 @@
 
 #include <type_traits>
 
-#include "camera/checksum.h"
+#include "core/checksum.h"
 
 namespace parallax {
 namespace {

@@ -27,6 +27,7 @@ void SessionRecorder::begin(const CameraModel& camera, const RunOptions& options
   header["frames_per_second"] = std::to_string(frames_per_second);
   header["calibration"] = exact_text(camera);
   header["options"] = exact_text(options);
+  if (!description_.map.empty()) header["map"] = description_.map;
   for (const auto& [name, value] : description_.camera) header["camera." + name] = value;
   writer_.write_header(header);
   thread_ = std::jthread([this] { run(); });

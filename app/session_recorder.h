@@ -20,6 +20,7 @@ namespace parallax {
 struct RecordingDescription {
   std::string source;      // as on the command line
   RecordingHeader camera;  // settings of the camera: name and value
+  std::string map;         // the bytes of the map file that the session begins with; empty: none
   std::size_t queue = 90;  // frames that wait for compression at most: 3 s of 640x480 in colour are 110 MB
 };
 

@@ -68,7 +68,7 @@ KeyChord chord_of(const YAML::Node& node, const std::string& file, const std::st
   return *chord;
 }
 
-void parse_keys(const YAML::Node& node, const std::string& file, KeyBindings* bindings) {
+void parse_keys(const YAML::Node& node, const std::string& file, UserSettings* settings) {
   if (!node.IsMap()) bad(file, "keys", found_in(node), "actions with their keys");
   std::vector<std::pair<Action, std::vector<KeyChord>>> wanted;
   for (const auto& entry : node) {
@@ -89,7 +89,8 @@ void parse_keys(const YAML::Node& node, const std::string& file, KeyBindings* bi
     wanted.emplace_back(*action, std::move(chords));
   }
   try {
-    set_keys(wanted, bindings);
+    const std::vector<YieldedKey> yielded = set_keys(wanted, &settings->keys);
+    settings->key_remarks = yielded_text(yielded, settings->keys);
   } catch (const InputError& e) {
     throw InputError(file + ": " + e.what());
   }
@@ -152,7 +153,7 @@ UserSettings parse_user_settings(const std::string& text, const std::string& nam
       const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
       const YAML::Node& value = entry.second;
       if (key == "keys") {
-        parse_keys(value, name, &settings.keys);
+        parse_keys(value, name, &settings);
       } else if (key == "camera") {
         settings.camera = text_of(value, name, key);
       } else if (key == "size") {
@@ -193,6 +194,7 @@ ProgramState read_program_state(const std::string& path) {
       state.full_screen = window["full_screen"].as<bool>(false);
     }
     state.camera = root["camera"].as<std::string>("");
+    state.key_remarks = root["key_remarks"].as<std::string>("");
   } catch (const std::exception&) {
     return {};
   }
@@ -220,6 +222,7 @@ void write_program_state(const ProgramState& state, const std::string& path) {
   window["height"] = state.window_height;
   window["full_screen"] = state.full_screen;
   root["camera"] = state.camera;
+  root["key_remarks"] = state.key_remarks;
   fs::create_directories(fs::path(path).parent_path(), error);
   write_file_atomically(path, [&](std::ostream& out) { out << root << '\n'; });
 }

@@ -9,6 +9,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "app/key_bindings.h"
 #include "core/camera_model.h"
@@ -17,12 +18,13 @@ namespace parallax {
 
 struct UserSettings {
   KeyBindings keys;
-  std::string camera;            // as behind --camera; empty: the one of the last time, else the first found
-  int width = 0, height = 0;     // wanted image size; 0: 640x480
-  std::string pictures;          // folder of screenshots; empty: the desktop's own
-  std::string videos;            // folder of videos and recordings; empty: the desktop's own
-  double interface_scale = 1;    // of text and panels, on top of the screen's own
-  bool tracking_profile = true;  // lock exposure, focus and white balance once settled
+  std::vector<std::string> key_remarks;  // which actions gave up a default key for one of the file, a sentence each
+  std::string camera;                    // as behind --camera; empty: the one of the last time, else the first found
+  int width = 0, height = 0;             // wanted image size; 0: 640x480
+  std::string pictures;                  // folder of screenshots; empty: the desktop's own
+  std::string videos;                    // folder of videos and recordings; empty: the desktop's own
+  double interface_scale = 1;            // of text and panels, on top of the screen's own
+  bool tracking_profile = true;          // lock exposure, focus and white balance once settled
 };
 
 // Reads the file; nothing there: the defaults. Throws InputError: "FILE: key K: found X, expected Y".
@@ -32,7 +34,8 @@ UserSettings parse_user_settings(const std::string& text, const std::string& nam
 struct ProgramState {
   int window_x = -1, window_y = -1, window_width = 0, window_height = 0;  // 0: never seen
   bool full_screen = false;
-  std::string camera;  // the last one
+  std::string camera;       // the last one
+  std::string key_remarks;  // the last that were said (UserSettings::key_remarks, joined): they are said once
 };
 
 // A state that cannot be read is none: it is only a convenience.

@@ -190,11 +190,9 @@ void describe(const CalibrationData& data, const RigProblem& problem, CameraCali
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information.information * scale.asDiagonal();
   const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(map.cols(), map.cols());
   const Eigen::MatrixXd inverse = scale.asDiagonal() * Eigen::MatrixXd(scaled.ldlt().solve(unit)) * scale.asDiagonal();
-  const double correction = views_used > 1 ? views_used / (views_used - 1.0) : 1;
-  const Eigen::MatrixXd pull = inverse * information.view_gradients;
   out->covariance = out->noise_px * out->noise_px * (map * inverse * map.transpose());
   out->sigma = out->covariance.diagonal().cwiseMax(0).cwiseSqrt();
-  out->covariance_views = correction * (map * pull * pull.transpose() * map.transpose());
+  out->covariance_views = map * covariance_by_views(information) * map.transpose();
   out->sigma_views = out->covariance_views.diagonal().cwiseMax(0).cwiseSqrt();
 }
 

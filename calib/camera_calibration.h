@@ -67,8 +67,8 @@ struct CameraCalibration {
   std::vector<std::string> names;  // of the parameters
   Eigen::VectorXd parameters;
   // Standard deviations: from the information matrix with the residuals' own noise (`sigma`), which trusts that corners
-  // err independently; and from how much single views pull (`sigma_views`: the sandwich estimator clustered by view,
-  // White 1982), which also feels a bent board or blur. 0 for parameters that were held.
+  // err independently; and from how much leaving single views out moves them (`sigma_views`, covariance_by_views()),
+  // which also feels a bent board or blur. 0 for parameters that were held.
   Eigen::VectorXd sigma, sigma_views;
   Eigen::MatrixXd covariance, covariance_views;  // of all parameters, by the same two ways
 

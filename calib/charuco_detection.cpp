@@ -65,6 +65,7 @@ std::vector<TargetCorner> detect_charuco(const GreyImage& image, const Calibrati
       // eighth of a side from the edges.
       if (!refine_corner(image, std::clamp(static_cast<int>(0.3 * side), 2, 7), &refined)) continue;
       if (!refine_corner(image, std::clamp(static_cast<int>(0.14 * side), 2, 7), &refined)) continue;
+      refine_crossing(image, std::clamp(0.18 * side, 2.5, 5.0), &refined);
       const Eigen::Vector2d px(refined.x, refined.y);
       if ((px - guess).norm() > 0.2 * side) continue;
       corners.push_back({row * target.columns + column, px});

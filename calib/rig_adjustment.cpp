@@ -1,6 +1,7 @@
 #include "calib/rig_adjustment.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <limits>
 
@@ -9,6 +10,9 @@
 
 namespace parallax {
 namespace {
+
+// Of the information scaled to a unit diagonal: what is less is rounding.
+constexpr double kLeastInformation = 1e-12;
 
 // Where a parameter block begins among the shared ones.
 struct SharedLayout {
@@ -33,6 +37,7 @@ struct ViewBlock {
   Matrix6d H = Matrix6d::Zero();
   Eigen::Matrix<double, 6, Eigen::Dynamic> C;  // pose by shared
   Vector6d g = Vector6d::Zero();
+  Eigen::MatrixXd H_shared;
   Eigen::VectorXd g_shared;
 };
 
@@ -50,6 +55,7 @@ Linearised linearise(const RigProblem& problem, const SharedLayout& layout, doub
   for (auto& view : out.views) {
     view.C.setZero(6, layout.size);
     view.g_shared = Eigen::VectorXd::Zero(layout.size);
+    view.H_shared = Eigen::MatrixXd::Zero(layout.size, layout.size);
   }
   const double c2 = huber_px > 0 ? huber_px * huber_px : 1;
   Eigen::Matrix<double, 2, Eigen::Dynamic> J(2, layout.size);
@@ -74,11 +80,14 @@ Linearised linearise(const RigProblem& problem, const SharedLayout& layout, doub
     view.H.noalias() += w * J_pose.transpose() * J_pose;
     view.g.noalias() += w * J_pose.transpose() * r;
     if (layout.size == 0) continue;
-    out.H.noalias() += w * J.transpose() * J;
+    view.H_shared.noalias() += w * J.transpose() * J;
     view.C.noalias() += w * J_pose.transpose() * J;
     view.g_shared.noalias() += w * J.transpose() * r;
   }
-  for (const auto& view : out.views) out.g += view.g_shared;
+  for (const auto& view : out.views) {
+    out.g += view.g_shared;
+    out.H += view.H_shared;
+  }
   return out;
 }
 
@@ -199,14 +208,46 @@ RigInformation rig_information(const RigProblem& problem) {
   const SharedLayout layout = layout_of(problem);
   const Linearised lin = linearise(problem, layout, 0);
   RigInformation out;
-  out.information = lin.H;
+  out.information = Eigen::MatrixXd::Zero(layout.size, layout.size);
   out.view_gradients.setZero(layout.size, static_cast<Eigen::Index>(lin.views.size()));
   for (std::size_t v = 0; v < lin.views.size(); ++v) {
     const Eigen::Matrix<double, Eigen::Dynamic, 6> CtH = lin.views[v].C.transpose() * damped_inverse(lin.views[v].H, 0);
-    out.information.noalias() -= CtH * lin.views[v].C;
+    out.view_information.emplace_back(lin.views[v].H_shared - CtH * lin.views[v].C);
+    out.information += out.view_information.back();
     out.view_gradients.col(static_cast<Eigen::Index>(v)) = lin.views[v].g_shared - CtH * lin.views[v].g;
   }
   return out;
+}
+
+Eigen::MatrixXd covariance_by_views(const RigInformation& given) {
+  // Scaled to a unit diagonal: focal lengths and sixth-order coefficients differ by many orders of magnitude.
+  const Eigen::VectorXd scale = given.information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const auto scaled = [&](const Eigen::MatrixXd& m) {
+    return Eigen::MatrixXd(scale.asDiagonal() * m * scale.asDiagonal());
+  };
+  const Eigen::MatrixXd all = scaled(given.information);
+  const auto views = static_cast<Eigen::Index>(given.view_information.size());
+  Eigen::MatrixXd without(all.rows(), views), pulls(all.rows(), views);
+  const auto all_solver = all.ldlt();
+  Eigen::Index used = 0;
+  bool determined = true;
+  for (Eigen::Index v = 0; v < views; ++v) {
+    const Eigen::MatrixXd own = scaled(given.view_information[static_cast<std::size_t>(v)]);
+    if (own.norm() == 0) continue;
+    const Eigen::VectorXd pull = scale.cwiseProduct(given.view_gradients.col(v));
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> rest(all - own);
+    determined = determined && rest.eigenvalues().minCoeff() > kLeastInformation;
+    without.col(used) = rest.eigenvectors() *
+                        rest.eigenvalues().cwiseMax(kLeastInformation).cwiseInverse().asDiagonal() *
+                        rest.eigenvectors().transpose() * pull;
+    pulls.col(used) = all_solver.solve(pull);
+    ++used;
+  }
+  const double n = static_cast<double>(used);
+  Eigen::MatrixXd moves = determined ? without.leftCols(used) : pulls.leftCols(used);
+  if (determined && used > 0) moves.colwise() -= Eigen::VectorXd(moves.rowwise().mean());
+  const double weight = determined ? (n - 1) / n : n / std::max(n - 1, 1.0);
+  return weight * scale.asDiagonal() * Eigen::MatrixXd(moves * moves.transpose()) * scale.asDiagonal();
 }
 
 }  // namespace parallax

@@ -48,12 +48,20 @@ RigAdjustmentSummary adjust_rig(RigProblem* problem, const RigAdjustmentOptions&
 
 // What the observations in use say about the shared parameters (free lens parameters of all cameras, then six for each
 // further camera's place: a left increment, translation first), with the views' poses taken out: for residuals of one
-// pixel. `view_gradients` (a column a view) is what each view alone pulls at the solution.
+// pixel. `view_gradients` (a column a view) is what each view alone pulls at the solution, `view_information` each
+// view's share of the information.
 struct RigInformation {
   Eigen::MatrixXd information;
   Eigen::MatrixXd view_gradients;
+  std::vector<Eigen::MatrixXd> view_information;
 };
 RigInformation rig_information(const RigProblem& problem);
+
+// Covariance of the shared parameters by how much they move when one view after another is left out: the jackknife
+// (Efron 1982), one Gauss-Newton step a view. It also feels what the corners of a view have in common (a bent board,
+// blur), and unlike the sandwich estimator it does not come out too small for few views of which one has much weight
+// (Bell and McCaffrey 2002). Where the views without one of them determine nothing, the sandwich it is.
+Eigen::MatrixXd covariance_by_views(const RigInformation& information);
 
 // The residual (predicted minus seen) of an observation; false when it does not project.
 bool rig_residual(const RigProblem& problem, const RigObservation& observation, Eigen::Vector2d* residual);

@@ -217,9 +217,8 @@ StereoResult calibrate_stereo(const StereoData& given, const CalibrationOptions&
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information.information * scale.asDiagonal();
   const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(shared, shared);
   const Eigen::MatrixXd inverse = scale.asDiagonal() * Eigen::MatrixXd(scaled.ldlt().solve(unit)) * scale.asDiagonal();
-  const Eigen::MatrixXd pull = inverse * information.view_gradients;
   const Eigen::MatrixXd by_noise = out.noise_px * out.noise_px * inverse;
-  const Eigen::MatrixXd by_views = out.pairs / (out.pairs - 1.0) * pull * pull.transpose();
+  const Eigen::MatrixXd by_views = covariance_by_views(information);
   const auto sigma = [&](int first, const Eigen::MatrixXd& to_full) {
     const auto n = to_full.cols();
     const Eigen::VectorXd a = (to_full * by_noise.block(first, first, n, n) * to_full.transpose()).diagonal();

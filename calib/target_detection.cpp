@@ -1,5 +1,7 @@
 #include "calib/target_detection.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -103,6 +105,40 @@ bool refine_corner(const GreyImage& image, int radius_px, cv::Point2f* corner) {
   return stayed;
 }
 
+void refine_crossing(const GreyImage& image, double radius_px, cv::Point2f* corner) {
+  using Vector6d = Eigen::Matrix<double, 6, 1>;
+  using Matrix6d = Eigen::Matrix<double, 6, 6>;
+  const Eigen::Vector2d start(corner->x, corner->y);
+  Eigen::Vector2d at = start;
+  const int reach = static_cast<int>(std::ceil(radius_px));
+  constexpr int rounds = 20;
+  for (int round = 0; round < rounds; ++round) {
+    const int x = static_cast<int>(std::lround(at.x())), y = static_cast<int>(std::lround(at.y()));
+    if (x < reach || y < reach || x + reach >= image.cols || y + reach >= image.rows) return;
+    Matrix6d H = Matrix6d::Zero();
+    Vector6d g = Vector6d::Zero();
+    for (int v = y - reach; v <= y + reach; ++v) {
+      for (int u = x - reach; u <= x + reach; ++u) {
+        const double dx = u - at.x(), dy = v - at.y(), weight = 1 - std::hypot(dx, dy) / radius_px;
+        if (weight <= 0) continue;
+        Vector6d terms;
+        terms << dx * dx, dx * dy, dy * dy, dx, dy, 1;
+        H.selfadjointView<Eigen::Lower>().rankUpdate(terms, weight);
+        g += weight * image(v, u) * terms;
+      }
+    }
+    const Vector6d fit = H.selfadjointView<Eigen::Lower>().ldlt().solve(g);
+    Eigen::Matrix2d bend;
+    bend << 2 * fit(0), fit(1), fit(1), 2 * fit(2);
+    if (!(bend.determinant() < 0)) return;
+    const Eigen::Vector2d step = -bend.inverse() * fit.segment<2>(3);
+    at += step;
+    if (!((at - start).norm() < 1)) return;
+    if (step.norm() < 1e-3) break;
+  }
+  *corner = {static_cast<float>(at.x()), static_cast<float>(at.y())};
+}
+
 std::vector<TargetCorner> detect_chessboard(const GreyImage& image, const CalibrationTarget& target,
                                             const DetectionOptions& options) {
   const cv::Size size(target.columns, target.rows);
@@ -131,6 +167,7 @@ std::vector<TargetCorner> detect_chessboard(const GreyImage& image, const Calibr
       }
       cv::Point2f refined = found[static_cast<std::size_t>(id)];
       if (!refine_corner(image, std::clamp(static_cast<int>(0.4F * nearest), 2, 8), &refined)) continue;
+      refine_crossing(image, crossing_radius(nearest), &refined);
       corners.push_back({id, {refined.x, refined.y}});
     }
   }

@@ -8,7 +8,7 @@
 #include <system_error>
 #include <utility>
 
-#include "camera/checksum.h"
+#include "core/checksum.h"
 #include "core/check.h"
 #include "core/error.h"
 
@@ -266,7 +266,7 @@ RecordingContents read_recording(std::istream& file, const std::string& name) {
   return out;
 }
 
-bool read_recorded_frame(std::istream& file, const RecordingContents::FrameAt& at, bool colour, RecordingCodec* codec,
+bool read_recorded_frame(std::istream& file, const RecordingContents::FrameAt& at, bool colour, ImageCodec* codec,
                          Frame* frame, std::string* why) {
   file.clear();
   file.seekg(static_cast<std::streamoff>(at.offset));

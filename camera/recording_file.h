@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "camera/recording_codec.h"
+#include "core/image_codec.h"
 #include "core/frame.h"
 
 namespace parallax {
@@ -41,7 +41,7 @@ class RecordingWriter {
 
   std::string path_;
   int file_ = -1;
-  RecordingCodec codec_;
+  ImageCodec codec_;
   std::string payload_, chunk_;
 };
 
@@ -68,7 +68,7 @@ bool is_recording(std::string_view start);
 RecordingContents read_recording(std::istream& file, const std::string& name);
 
 // Reads the images of a frame; false, and why, when they are damaged. Without `colour` that is left empty.
-bool read_recorded_frame(std::istream& file, const RecordingContents::FrameAt& at, bool colour, RecordingCodec* codec,
+bool read_recorded_frame(std::istream& file, const RecordingContents::FrameAt& at, bool colour, ImageCodec* codec,
                          Frame* frame, std::string* why);
 
 }  // namespace parallax

@@ -32,7 +32,7 @@ class RecordingSource final : public FrameSource {
   std::unique_ptr<std::istream> file_;
   RecordingContents contents_;
   std::optional<CameraModel> camera_;
-  RecordingCodec codec_;
+  ImageCodec codec_;
   std::vector<SourceWarning> warnings_;
   double fps_ = 30;
   std::size_t next_ = 0;

@@ -57,11 +57,16 @@ void BurningGlass::start(const PlayingField& field, const GameOptions& options) 
   covered_ticks_ = 0;
   act_held_ = false;
   bundle_ = RayBundle(kRaysPerTick, seed_);
+  forget_moment();
+}
+
+void BurningGlass::forget_moment() {
   light_ = LightOnSheet();
   particles_.clear(seed_);
   sounds_.clear();
   camera_from_plane_.reset();
   covered_ = false;
+  first_burn_ = -1;
   forget_light();
   forget_pictures();
 }
@@ -74,6 +79,7 @@ void BurningGlass::forget_light() {
 }
 
 void BurningGlass::change_field(const PlayingField& field) {
+  rescale(length_factor(field_, field));
   field_ = field;
   const bool blank = strokes_.count() == 0 && sheet_.warm().empty() &&
                      std::all_of(sheet_.charred().begin(), sheet_.charred().end(), [](auto c) { return c == 0; });
@@ -84,7 +90,7 @@ void BurningGlass::change_field(const PlayingField& field) {
 }
 
 void BurningGlass::rescale(double new_per_old) {
-  if (!(new_per_old > 0) || !std::isfinite(new_per_old)) return;
+  if (!(new_per_old > 0) || !std::isfinite(new_per_old) || new_per_old == 1) return;
   grid_.half_extent_m *= new_per_old;
   forget_pictures();
 }
@@ -163,6 +169,7 @@ void BurningGlass::step(const GameInput& input) {
   }
   const double warming = difficulty_ == GameDifficulty::easy ? 1.4 : difficulty_ == GameDifficulty::hard ? 0.75 : 1.0;
   const Sheet::Step& burnt = sheet_.advance(material(), lit ? &light_ : nullptr, warming, kGameTick_s);
+  if (first_burn_ < 0 && !burnt.fresh.empty()) first_burn_ = burnt.fresh.front();
   strokes_.note(!burnt.changed.empty(), sheet_.charred());
   pictures_.stale.include(burnt.changed);
   make_sounds(particles_.advance(sheet_, material(), kGameTick_s));
@@ -172,6 +179,7 @@ void BurningGlass::step(const GameInput& input) {
 bool BurningGlass::undo() {
   Strokes::Char charred = sheet_.charred();
   if (!strokes_.undo(&charred)) return false;
+  if (first_burn_ >= 0 && charred[static_cast<std::size_t>(first_burn_)] == 0) first_burn_ = -1;
   sheet_.set_char(std::move(charred));
   sheet_.cool();
   covered_ticks_ = kUndoCoverTicks;
@@ -222,6 +230,12 @@ void BurningGlass::make_sound(const std::string& name, double volume, double pit
     sound.position_m = Eigen::Vector3d(at.x(), at.y(), 0);
   }
   sounds_.push_back(std::move(sound));
+}
+
+std::optional<GameLandmark> BurningGlass::landmark() const {
+  if (first_burn_ < 0) return std::nullopt;
+  const Eigen::Vector2d at = grid_.centre_of(first_burn_ % kSheetCells, first_burn_ / kSheetCells);
+  return GameLandmark{static_cast<std::uint64_t>(first_burn_), {at.x(), at.y(), 0}};
 }
 
 std::vector<GameSound> BurningGlass::take_sounds() {

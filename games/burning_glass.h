@@ -36,6 +36,7 @@ class BurningGlass : public Game {
   GameHud hud() const override;
   std::vector<GameSound> take_sounds() override;
   void draw(const ModelSet& models, DrawList* out) const override;
+  std::optional<GameLandmark> landmark() const override;
   std::string save() const override;
   void restore(const std::string& text, const PlayingField& field) override;
   std::uint64_t state_hash() const override;
@@ -47,9 +48,6 @@ class BurningGlass : public Game {
   // Takes the last stroke back, and all heat with it; false when there is none. The lens stays covered for a moment.
   bool undo();
   std::size_t stroke_count() const { return strokes_.count(); }
-  // The map's metres have become `new_per_old` of what they were; burns stay where they are on the table.
-  void rescale(double new_per_old);
-
   const burning::Sheet& sheet() const { return sheet_; }
   const burning::SheetGrid& grid() const { return grid_; }
   Eigen::Vector3d towards_sun() const { return burning::sun_direction(controls_.azimuth_rad, controls_.elevation_rad); }
@@ -64,6 +62,8 @@ class BurningGlass : public Game {
     bool sun_placed = false;  // until it is, it stands behind whoever holds the camera
   };
 
+  // The map's metres have become `new_per_old` of what they were; burns stay where they are on the table.
+  void rescale(double new_per_old);
   void move_controls(const GameInput& input);
   void place_sun(const RigidTransform& camera_from_plane);
   burning::Lens lens_of(const RigidTransform& camera_from_plane) const;
@@ -71,6 +71,7 @@ class BurningGlass : public Game {
   void gather_light(bool lit);
   void make_sounds(int new_sparks);
   void make_sound(const std::string& name, double volume, double pitch, int cell);
+  void forget_moment();  // all that does not belong to the state
   void forget_light();
   void forget_pictures();
   std::string advice() const;
@@ -97,6 +98,7 @@ class BurningGlass : public Game {
   std::vector<GameSound> sounds_;
   std::optional<RigidTransform> camera_from_plane_;
   bool covered_ = false;
+  int first_burn_ = -1;                  // the cell that charred first, of those that are still charred
   std::vector<float> gathered_, shown_;  // light of the last ticks, and its mean as it is drawn
   burning::SheetBox gathered_box_, shown_box_;
   std::uint64_t shown_version_ = 0;

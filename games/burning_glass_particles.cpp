@@ -7,8 +7,6 @@ namespace parallax::burning {
 namespace {
 
 constexpr std::size_t kMostSmoke = 90, kMostSparks = 60;
-// A cell's worth of char gives so many; a stroke by hand chars some 50 cells a second.
-constexpr double kSmokePerChar = 0.5, kSparksPerChar = 0.35;
 constexpr double kMostPerTick = 2;
 constexpr float kRise = 0.16f, kDrift = 0.035f;  // radii a second
 constexpr float kGravity = 2.2f;                 // radii a second squared
@@ -49,8 +47,8 @@ int Particles::advance(const Sheet& sheet, const Material& material, double dt_s
     return 0;
   }
   const bool disc = material.kind == MaterialKind::compact_disc;
-  smoke_due_ += std::min(kSmokePerChar * step.charred, kMostPerTick);
-  sparks_due_ += std::min(kSparksPerChar * step.charred * (disc ? 1.5 : 1), kMostPerTick);
+  smoke_due_ += std::min(material.smoke * step.charred, kMostPerTick);
+  sparks_due_ += std::min(material.sparks * step.charred, kMostPerTick);
   const auto somewhere = [&] {
     const int cell = step.fresh[static_cast<std::size_t>(generator_.next() % step.fresh.size())];
     const auto place = [](int index) { return (static_cast<float>(index) + 0.5f) * 2 / kSheetCells - 1; };

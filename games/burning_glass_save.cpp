@@ -205,13 +205,7 @@ void BurningGlass::restore(const std::string& text, const PlayingField& field) {
   sheet_.set_temperature(std::move(temperature));
   strokes_ = Strokes::from_parts(std::move(strokes), std::move(base), open, quiet);
   bundle_ = RayBundle(kRaysPerTick, seed);
-  light_ = LightOnSheet();
-  particles_.clear(seed);
-  sounds_.clear();
-  camera_from_plane_.reset();
-  covered_ = false;
-  forget_light();
-  forget_pictures();
+  forget_moment();
 }
 
 std::uint64_t BurningGlass::state_hash() const {

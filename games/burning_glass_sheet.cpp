@@ -10,6 +10,8 @@ namespace parallax::burning {
 namespace {
 
 constexpr double kStableShare = 0.9;  // of the bound
+// Patches of the sheet (cells across) in which the glow runs on; less than half of all, so that it never runs far.
+constexpr float kPatch = 6, kCarriedFrom = 0.52f, kCarriedFully = 0.64f;
 constexpr std::size_t kFreshMost = 32;
 
 double diffusivity_in_cells(const Material& material) {
@@ -25,11 +27,14 @@ void Sheet::clear(std::uint64_t seed) {
   next_.assign(kSheetSize, 0.0f);
   char_.assign(kSheetSize, 0);
   unevenness_.resize(kSheetSize);
+  carries_.resize(kSheetSize);
   for (int row = 0; row < kSheetCells; ++row) {
     for (int column = 0; column < kSheetCells; ++column) {
       const float x = static_cast<float>(column), y = static_cast<float>(row);
       const float coarse = smooth_noise(x / 7, y / 7, seed), fine = lattice_noise(column, row, seed + 1);
       unevenness_[SheetGrid::index(column, row)] = 1.2f * (coarse - 0.5f) + 0.8f * (fine - 0.5f);  // -1..1
+      carries_[SheetGrid::index(column, row)] = std::clamp(
+          (smooth_noise(x / kPatch, y / kPatch, seed + 2) - kCarriedFrom) / (kCarriedFully - kCarriedFrom), 0.0f, 1.0f);
     }
   }
   warm_ = SheetBox();
@@ -103,8 +108,9 @@ void Sheet::conduct(const Material& material, const SheetBox& box, double dt_s) 
 }
 
 void Sheet::take_light(const Material& material, const LightOnSheet& light, double warming, double dt_s) {
-  const float gain = static_cast<float>(kSunWarming_k_per_s * warming * dt_s);
-  const float bare = static_cast<float>(material.absorption), more = static_cast<float>(kCharAbsorption) - bare;
+  const float gain = static_cast<float>(material.warming_k_per_s * warming * dt_s);
+  const float bare = static_cast<float>(material.absorption),
+              more = static_cast<float>(material.char_absorption) - bare;
   for (int row = light.box.bottom; row < light.box.top; ++row) {
     for (int column = light.box.left; column < light.box.right; ++column) {
       const std::size_t i = SheetGrid::index(column, row);
@@ -147,8 +153,20 @@ void Sheet::burn(const Material& material, double dt_s) {
       if (most == 1 && step_.fresh.size() < kFreshMost) step_.fresh.push_back(static_cast<int>(i));
       temperature_[i] =
           std::min(temperature + static_cast<float>(material.smoulder_k * added), static_cast<float>(kHottest_k));
+      if (most < 1 || material.spread_k <= 0) continue;
+      const float gift = static_cast<float>(material.spread_k * added) * carries_[i];
+      if (column > 0) gifts_.push_back({i - 1, gift});
+      if (column + 1 < kSheetCells) gifts_.push_back({i + 1, gift});
+      if (row > 0) gifts_.push_back({i - kSheetCells, gift});
+      if (row + 1 < kSheetCells) gifts_.push_back({i + kSheetCells, gift});
     }
   }
+  // After all cells, so that the order in which they are looked at has no effect.
+  for (const Gift& gift : gifts_) {
+    temperature_[gift.cell] = std::min(temperature_[gift.cell] + gift.heat_k, static_cast<float>(kHottest_k));
+    warm_.include(static_cast<int>(gift.cell % kSheetCells), static_cast<int>(gift.cell / kSheetCells));
+  }
+  gifts_.clear();
 }
 
 const Sheet::Step& Sheet::advance(const Material& material, const LightOnSheet* light, double warming, double dt_s) {

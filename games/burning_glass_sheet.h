@@ -1,7 +1,7 @@
 // Heat and char on the sheet. One explicit step of
 //   dT/dt = D (Txx + Tyy) - k T + w a C + s dB/dt
 // on the grid (forward in time, centred in space; LeVeque, Finite Difference Methods, section 9.1): D diffusivity, k
-// cooling to the air, C the light's concentration, w kSunWarming_k_per_s, a the absorption, B the char, s what charring
+// cooling, C the light's concentration, w the warming by one sun, a the absorption, B the char, s what charring
 // gives off. Stable while 4 D dt / h^2 + k dt <= 1; longer steps are cut. No heat crosses the sheet's border.
 //
 // Where the temperature is above the ignition, char grows with the excess; just below it the sheet is scorched.
@@ -60,8 +60,14 @@ class Sheet {
   void burn(const Material& material, double dt_s);
 
   std::vector<float> temperature_, next_, unevenness_;
+  std::vector<float> carries_;  // 0..1: how well a cell hands the glow on
   std::vector<std::uint16_t> char_;
   SheetBox warm_;
+  struct Gift {
+    std::size_t cell;
+    float heat_k;
+  };
+  std::vector<Gift> gifts_;  // of charring cells to their neighbours, during a step
   Step step_;
   std::uint64_t seed_ = 1;
 };

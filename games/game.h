@@ -82,6 +82,12 @@ struct GameSound {
   std::optional<Eigen::Vector3d> position_m;  // plane frame; nothing: everywhere
 };
 
+// A thing of the game that lies still on the table, by which to see whether the game stays where it is.
+struct GameLandmark {
+  std::uint64_t number = 0;                              // another number: another thing, or moved by the game
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  // plane frame
+};
+
 class Game {
  public:
   virtual ~Game() = default;
@@ -107,6 +113,9 @@ class Game {
   virtual std::vector<GameSound> take_sounds() = 0;
   // Appends to the list; world frame (world_from_plane of the field).
   virtual void draw(const ModelSet& models, DrawList* out) const = 0;
+
+  // Nothing while there is none.
+  virtual std::optional<GameLandmark> landmark() const { return std::nullopt; }
 
   // The whole state as JSON text, and back. restore() throws InputError when the text is not a state of this game, and
   // leaves the game as it was.

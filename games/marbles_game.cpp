@@ -1,6 +1,7 @@
 #include "games/marbles_game.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "core/check.h"
@@ -32,29 +33,12 @@ constexpr float kTrappedReach = 1.5f;                  // a marble further than 
 constexpr float kInside = 0.06f;                       // marbles deeper in a block than this are lifted out
 constexpr std::size_t kMostSounds = 32;
 constexpr double kLeastUnitShare = 0.02, kGreatestUnitShare = 50;  // of a saved unit to the field's
-constexpr double kSameShape = 1e-6;  // outlines that differ by less, scale aside, are the same
 
 std::uint64_t mix(std::uint64_t value) {  // the finaliser of SplitMix64 (Steele et al. 2014)
   value += 0x9e3779b97f4a7c15ULL;
   value = (value ^ (value >> 30)) * 0xbf58476d1ce4e5b9ULL;
   value = (value ^ (value >> 27)) * 0x94d049bb133111ebULL;
   return value ^ (value >> 31);
-}
-
-// The factor between two outlines of the same shape; nothing when they are not.
-std::optional<double> scale_between(const PlayingField& from, const PlayingField& to) {
-  if (from.outline_m.size() != to.outline_m.size() || from.outline_m.size() < 3) return std::nullopt;
-  double before = 0, after = 0;
-  for (std::size_t i = 0; i < from.outline_m.size(); ++i) {
-    before += from.outline_m[i].squaredNorm();
-    after += from.outline_m[i].dot(to.outline_m[i]);
-  }
-  const double scale = after / before;
-  if (!std::isfinite(scale) || !(scale > 0)) return std::nullopt;
-  for (std::size_t i = 0; i < from.outline_m.size(); ++i)
-    if (!((scale * from.outline_m[i] - to.outline_m[i]).norm() <= kSameShape * scale * std::sqrt(before)))
-      return std::nullopt;
-  return scale;
 }
 
 // Roll to the right and pitch downwards of a camera, radians.
@@ -178,8 +162,9 @@ void MarblesGame::lift_marbles_out() {
 
 void MarblesGame::change_field(const PlayingField& field) {
   // Scaled: all keeps its place on the table. Grown: all keeps its size until the next level.
-  const auto scale = scale_between(field_, field);
-  if (scale && std::abs(*scale - 1) > kSameShape) state_.unit_m *= *scale;
+  const double radius_m = field.radius_m > 0 && std::isfinite(field.radius_m) ? field.radius_m : 0.2;
+  state_.unit_m = std::clamp(state_.unit_m * length_factor(field_, field),
+                             kLeastUnitShare * radius_m / kMarblesFieldRadius, radius_m / kMarblesFieldRadius);
   field_ = field;
   const auto mend = [&](bool with_obstacles) {
     ground_ = read_ground(field_, state_.unit_m, with_obstacles);
@@ -422,6 +407,16 @@ void MarblesGame::play(const std::string& sound, float volume, float pitch, cons
 std::vector<GameSound> MarblesGame::take_sounds() {
   std::vector<GameSound> out;
   out.swap(sounds_);
+  return out;
+}
+
+// The goal; moved when it could not be reached any more.
+std::optional<GameLandmark> MarblesGame::landmark() const {
+  GameLandmark out;
+  const Eigen::Vector3f goal(state_.level.goal.x(), state_.level.goal.y(), state_.level.goal_height);
+  out.number = static_cast<std::uint64_t>(state_.level_number);
+  for (int k = 0; k < 3; ++k) out.number = mix(out.number ^ std::bit_cast<std::uint32_t>(goal[k]));
+  out.position_m = goal.cast<double>() * state_.unit_m;
   return out;
 }
 

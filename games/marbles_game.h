@@ -38,6 +38,7 @@ class MarblesGame : public Game {
   GameHud hud() const override;
   std::vector<GameSound> take_sounds() override;
   void draw(const ModelSet& models, DrawList* out) const override;
+  std::optional<GameLandmark> landmark() const override;
   std::string save() const override { return marbles_to_text(state_); }
   void restore(const std::string& text, const PlayingField& field) override;
   std::uint64_t state_hash() const override;

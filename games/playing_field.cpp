@@ -11,6 +11,11 @@ double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() 
 
 }  // namespace
 
+double length_factor(const PlayingField& from, const PlayingField& to) {
+  const double factor = from.number == to.number ? to.scale / from.scale : to.radius_m / from.radius_m;
+  return std::isfinite(factor) && factor > 0 ? factor : 1.0;
+}
+
 bool inside_outline(const PlayingField& field, const Eigen::Vector2d& position_m) {
   const std::size_t corners = field.outline_m.size();
   if (corners < 3) return false;

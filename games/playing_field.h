@@ -18,7 +18,16 @@ struct PlayingField {
   std::vector<Eigen::Vector2d> outline_m;
   // What stands on it; may be null: nothing is known.
   std::shared_ptr<const SceneSurface> surface;
+  // Another number: another field (a new map, another plane).
+  int number = 0;
+  // One metre of when the field began is so many now. A field that grows has a greater radius and keeps its scale; one
+  // that is scaled has both multiplied.
+  double scale = 1;
 };
+
+// One field takes the place of another: what lengths that were kept are multiplied with. On the same field the change
+// of scale, so that things stay where they are on the table; on another one they keep their part of the radius.
+double length_factor(const PlayingField& from, const PlayingField& to);
 
 // Whether a place lies within the outline. A field without one has no inside.
 bool inside_outline(const PlayingField& field, const Eigen::Vector2d& position_m);

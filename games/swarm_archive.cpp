@@ -16,7 +16,7 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr const char* kFormat = "parallax swarm";
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 constexpr std::size_t kMostText = 1u << 20;  // a full state has about 100 kB
 constexpr int kMostNesting = 8;              // a state has five
 constexpr int kManyTicks = 1'000'000'000;
@@ -105,6 +105,7 @@ void describe(A& a, State& s) {
   a.flag("colour_blind_safe", s.colour_blind_safe);
   a.number("horde", s.horde, 0.5, 2);
   a.number("aim_assist", s.aim_assist, 0, 1);
+  a.number("unit_share", s.unit_share, kLeastUnitShare, 1);
   a.word("random", s.random);
   a.whole("tick", s.tick, std::int64_t{0}, std::int64_t{1} << 53);
   a.whole("score", s.score, std::int64_t{0}, std::int64_t{1} << 53);
@@ -115,6 +116,7 @@ void describe(A& a, State& s) {
   a.whole("chain_ticks", s.chain_ticks, 0, kChainTicks);
   a.whole("best_chain", s.best_chain, 0, kManyTicks);
   a.flag("over", s.over);
+  a.pair("home", s.home, kFar);
   a.object("robot", s.robot);
   a.object("wave", s.wave);
   a.list("critters", s.critters, kMostCritters);

@@ -32,7 +32,7 @@ class Painter {
   Painter(const Simulation& simulation, const PlayingField& field, const ModelSet& models, DrawList* out)
       : simulation_(simulation),
         state_(simulation.state()),
-        radius_(field.radius_m),
+        radius_(simulation.unit_m()),
         models_(models),
         out_(*out),
         safe_(state_.colour_blind_safe) {
@@ -42,6 +42,8 @@ class Painter {
   }
 
   void run() {
+    ring(state_.home, 0.11, 24, {0.75f, 0.80f, 0.85f, 0.55f}, 1.5f);  // the plate where it began
+    ring(state_.home, 0.03, 10, {0.75f, 0.80f, 0.85f, 0.55f}, 1.5f);
     for (const Pickup& pickup : state_.pickups) paint(pickup);
     for (const Critter& critter : state_.critters) paint(critter);
     if (!state_.over) paint_robot();

@@ -72,6 +72,10 @@ class SwarmGame : public Game {
   GameHud hud() const override;
   std::vector<GameSound> take_sounds() override;
   void draw(const ModelSet& models, DrawList* out) const override { draw_swarm(simulation_, field_, models, out); }
+  std::optional<GameLandmark> landmark() const override {
+    const Eigen::Vector2d at = simulation_.state().home * simulation_.unit_m();
+    return GameLandmark{1, {at.x(), at.y(), 0}};
+  }
   std::string save() const override { return swarm::save_state(simulation_.state()); }
   void restore(const std::string& text, const PlayingField& field) override {
     swarm::State state = swarm::restore_state(text);
@@ -122,7 +126,7 @@ GameHud SwarmGame::hud() const {
 std::vector<GameSound> SwarmGame::take_sounds() {
   std::vector<GameSound> sounds;
   for (const swarm::Heard& heard : simulation_.take_sounds()) {
-    const Eigen::Vector2d at = heard.position * field_.radius_m;
+    const Eigen::Vector2d at = heard.position * simulation_.unit_m();
     sounds.push_back({heard.name, heard.volume, heard.pitch, Eigen::Vector3d(at.x(), at.y(), 0)});
   }
   return sounds;

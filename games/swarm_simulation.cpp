@@ -14,6 +14,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr std::size_t kMostSparks = 300, kMostSounds = 32;
+constexpr double kSameShare = 1e-9;
 constexpr double kSeatedReach = 0.3;  // the reticle is at least so far from the robot when it is steered
 
 Vector2d direction_of(double angle) { return {std::cos(angle), std::sin(angle)}; }
@@ -36,8 +37,10 @@ void Simulation::start(const PlayingField& field, const GameOptions& options) {
   fresh.random = options.seed;
   state_ = fresh;
   for (const auto& [name, value] : options.settings) set(name, value);
-  ground_.rebuild(field);
+  field_ = field;
+  lay_ground();
   state_.robot.position = ground_.nearest_walkable(ground_.middle());
+  state_.home = state_.robot.position;
   state_.robot.health = kFullHealth;
   state_.robot.bombs = rules_of(options.difficulty).bombs;
   plan_wave(&state_);
@@ -49,8 +52,40 @@ void Simulation::start(const PlayingField& field, const GameOptions& options) {
 }
 
 void Simulation::change_field(const PlayingField& field) {
-  ground_.rebuild(field);
+  const double unit_m = state_.unit_share * field_.radius_m * length_factor(field_, field);
+  field_ = field;
+  const double share = unit_m / field.radius_m;
+  // What a field that is only scaled leaves of rounding is no change.
+  state_.unit_share = std::abs(share - 1) < kSameShare ? 1.0 : share;
+  if (state_.unit_share < kLeastUnitShare || state_.unit_share > 1)
+    change_unit(std::clamp(state_.unit_share, kLeastUnitShare, 1.0));
+  lay_ground();
   settle();
+}
+
+void Simulation::lay_ground() {
+  PlayingField in_units = field_;
+  in_units.radius_m *= state_.unit_share;
+  ground_.rebuild(in_units);
+}
+
+// Another unit of length; nothing moves.
+void Simulation::change_unit(double share) {
+  const double factor = std::clamp(state_.unit_share / share, 0.05, 20.0);
+  state_.unit_share = share;
+  Robot& robot = state_.robot;
+  for (Vector2d* lengths : {&state_.home, &robot.position, &robot.velocity, &robot.sight, &robot.reticle})
+    *lengths *= factor;
+  for (Critter& critter : state_.critters) {
+    critter.position *= factor;
+    critter.velocity *= factor;
+  }
+  for (Pickup& pickup : state_.pickups) pickup.position *= factor;
+  for (Spark& spark : sparks_) spark.position *= factor;
+  blast_position_ *= factor;
+  // What is in the air is away before anybody sees that it is no more.
+  state_.bolts.clear();
+  state_.spits.clear();
 }
 
 void Simulation::restore(State state, const PlayingField& field) {
@@ -58,7 +93,8 @@ void Simulation::restore(State state, const PlayingField& field) {
   sparks_.clear();
   sounds_.clear();
   blast_ticks_ = 0;
-  ground_.rebuild(field);
+  field_ = field;
+  lay_ground();
   settle();
 }
 
@@ -198,7 +234,13 @@ void Simulation::act_on_deeds() {
 void Simulation::release() {
   Wave& wave = state_.wave;
   if (wave.pause_ticks > 0) {
-    if (--wave.pause_ticks == 0) hear("wave_begins", state_.robot.position);
+    if (--wave.pause_ticks > 0) return;
+    hear("wave_begins", state_.robot.position);
+    if (state_.unit_share < 1) {
+      change_unit(1);
+      lay_ground();
+      settle();
+    }
     return;
   }
   ++wave.ticks;

@@ -30,7 +30,8 @@ struct Heard {
 class Simulation {
  public:
   void start(const PlayingField& field, const GameOptions& options);
-  // Positions are in proportion to the field already; what is not on the ground any more is put there.
+  // All stays where it is on the table; what is not on the ground any more is put there. A field that has grown is
+  // taken as the measure of things when the next wave begins.
   void change_field(const PlayingField& field);
   void set(const std::string& setting, double value);
   // A state from outside, its numbers within bounds (games/swarm_archive).
@@ -41,12 +42,16 @@ class Simulation {
   const State& state() const { return state_; }
   State& edit_state() { return state_; }  // for tests
   const Ground& ground() const { return ground_; }
+  // Of length, in metres of the map.
+  double unit_m() const { return ground_.radius_m(); }
   const std::vector<Spark>& sparks() const { return sparks_; }
   int blast_ticks() const { return blast_ticks_; }
   const Eigen::Vector2d& blast_position() const { return blast_position_; }
   std::vector<Heard> take_sounds();
 
  private:
+  void lay_ground();
+  void change_unit(double share);
   void settle();
   void look(const GameInput& input);
   void assist();
@@ -68,6 +73,7 @@ class Simulation {
   void age_sparks();
 
   State state_;
+  PlayingField field_;
   Ground ground_;
   Neighbours neighbours_;
   std::vector<CritterDeed> deeds_;

@@ -1,8 +1,8 @@
 // The state of a game of Swarm, as plain data: everything that has an effect on what comes, and nothing else.
 //
-// Frame: the plane's (z up, the table is z = 0), in units of the field's radius, so that a map that is scaled scales
-// the game with it. Times are ticks of kGameTick_s, speeds units a second. Directions and headings are in the plane,
-// radians, counter-clockwise from x.
+// Frame: the plane's (z up, the table is z = 0). The unit of length is the field's radius as it was when the wave
+// began, so that a map that is scaled scales the game with it, and one that grows moves nothing. Times are ticks of
+// kGameTick_s, speeds units a second. Directions and headings are in the plane, radians, counter-clockwise from x.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,6 +15,7 @@
 namespace parallax::swarm {
 
 inline constexpr int kKinds = 4;
+inline constexpr double kLeastUnitShare = 0.1;  // of the field's radius: a table that grows beyond this moves things
 enum class CritterKind { swarmer, flanker, jumper, spitter };
 enum class CritterPhase { climbing, walking, charging, crouching, leaping };
 
@@ -82,12 +83,14 @@ struct State {
   bool seated = false;
   bool colour_blind_safe = true;
   double horde = 1, aim_assist = 0;  // settings
+  double unit_share = 1;             // the unit of length, in radii of the field as it is now
   std::uint64_t random = 0;
   std::int64_t tick = 0;
   std::int64_t score = 0;
   int kills = 0, shots = 0, hits = 0;
   int chain = 0, chain_ticks = 0, best_chain = 0;  // kills in quick succession
   bool over = false;
+  Eigen::Vector2d home = Eigen::Vector2d::Zero();  // where the robot began: a plate on the table
   Robot robot;
   Wave wave;
   std::vector<Critter> critters;

@@ -46,6 +46,15 @@ class IdTable {
     return id;
   }
 
+  // Puts back what had this identifier in a saved map: after all that are there, gaps stay gaps.
+  void restore(T value, Id id) {
+    PARALLAX_CHECK(id.index >= capacity(), "an entry that is there already");
+    slots_.resize(static_cast<std::size_t>(id.index));
+    value.id = id;
+    slots_.push_back(std::make_unique<T>(std::move(value)));
+    ++size_;
+  }
+
   bool contains(Id id) const {
     return id.index >= 0 && static_cast<std::size_t>(id.index) < slots_.size() && slots_[id.index] != nullptr;
   }

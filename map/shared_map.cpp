@@ -44,16 +44,35 @@ void SharedMap::publish() {
   if (listener_) listener_(made);
 }
 
-void SharedMap::note_world_change(const SimilarityTransform& new_from_old) {
-  MutexLock lock(snapshot_mutex_);
-  ++world_version_;
-  world_from_first_ = new_from_old * world_from_first_;
+MapCopy SharedMap::copy() const {
+  return read([this](const Map& map) {
+    MapCopy out;
+    out.map = map;
+    MutexLock lock(snapshot_mutex_);
+    out.map_version = map_version_;
+    out.world_version = world_version_;
+    out.world_from_first = world_from_first_;
+    return out;
+  });
 }
 
-void SharedMap::note_new_map() {
-  MutexLock lock(snapshot_mutex_);
-  ++map_version_;
-  world_from_first_ = SimilarityTransform();
+void SharedMap::move_world(const SimilarityTransform& new_from_old) {
+  // Both under the map's lock: no copy has the one without the other.
+  write([&](Map& map) {
+    map.transform_world(new_from_old);
+    MutexLock lock(snapshot_mutex_);
+    ++world_version_;
+    world_from_first_ = new_from_old * world_from_first_;
+  });
+}
+
+void SharedMap::replace_map(Map map) {
+  write([&](Map& shared) {
+    std::swap(shared, map);
+    MutexLock lock(snapshot_mutex_);
+    ++map_version_;
+    world_from_first_ = SimilarityTransform();
+  });
 }
 
 LockTimes SharedMap::lock_times() const {

@@ -21,6 +21,13 @@ struct LockTimes {
   std::vector<float> wait_ms, hold_ms;
 };
 
+// A state of the map: `world_from_first` as in TrackingSnapshot.
+struct MapCopy {
+  Map map;
+  std::uint64_t map_version = 0, world_version = 0;
+  SimilarityTransform world_from_first;
+};
+
 class SharedMap {
  public:
   SharedMap();
@@ -44,6 +51,10 @@ class SharedMap {
   // What the tracker sees: a pointer taken under a lock of its own. Never null.
   std::shared_ptr<const TrackingSnapshot> snapshot() const PARALLAX_EXCLUDES(snapshot_mutex_);
 
+  // The whole map with the versions of its world, one consistent state; images are shared. The lock is held for the
+  // copy: a millisecond or two for 10,000 points.
+  MapCopy copy() const PARALLAX_EXCLUDES(mutex_, snapshot_mutex_);
+
   // Builds a snapshot of the map as it is and makes it the tracker's (mapper only).
   void publish() PARALLAX_EXCLUDES(mutex_, snapshot_mutex_);
 
@@ -53,10 +64,10 @@ class SharedMap {
     listener_ = std::move(listener);
   }
 
-  // The world was moved by write(transform_world): the next publication carries the transform (mapper only).
-  void note_world_change(const SimilarityTransform& new_from_old) PARALLAX_EXCLUDES(snapshot_mutex_);
-  // The map was cleared or made anew: nothing that referred to the old one is valid (mapper only).
-  void note_new_map() PARALLAX_EXCLUDES(snapshot_mutex_);
+  // Moves the world (Map::transform_world); the next publication carries the transform (mapper only).
+  void move_world(const SimilarityTransform& new_from_old) PARALLAX_EXCLUDES(mutex_, snapshot_mutex_);
+  // Another map, which may be empty: nothing that referred to the old one is valid (mapper only).
+  void replace_map(Map map) PARALLAX_EXCLUDES(mutex_, snapshot_mutex_);
 
   // Waits and holds of the map's lock since the start (the newest 20,000 at least), and waits for the
   // snapshot pointer alone.

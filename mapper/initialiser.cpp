@@ -115,8 +115,7 @@ InitialisationReply initialise_map(SharedMap* map, const CameraModel& camera, co
   reply.second_from_world = made.keyframes.at(second_id).camera_from_world;
   for (const auto& [trail, id] : point_of_trail)
     if (made.points.contains(id)) reply.point_of_trail.emplace_back(trail, id);
-  map->write([&](Map& m) { m = std::move(made); });
-  map->note_new_map();
+  map->replace_map(std::move(made));
   return reply;
 }
 

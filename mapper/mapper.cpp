@@ -116,8 +116,7 @@ void Mapper::handle(MapperMessage message) {
 }
 
 void Mapper::reset() {
-  map_->write([](Map& m) { m.clear(); });
-  map_->note_new_map();
+  map_->replace_map({});
   map_->publish();
   association_.clear();
   normals_.clear();
@@ -131,8 +130,7 @@ MapEditReply Mapper::scale(double factor) {
   if (map_->snapshot()->empty()) return {false, "there is no map yet"};
   SimilarityTransform change;
   change.s = factor;
-  map_->write([&](Map& m) { m.transform_world(change); });
-  map_->note_world_change(change);
+  map_->move_world(change);
   map_->publish();
   return {true, ""};
 }

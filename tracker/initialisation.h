@@ -35,6 +35,9 @@ class Initialisation {
             const TrackingSnapshot& map,
             const std::function<void(const std::shared_ptr<const FrameImages>&)>& give_away);
 
+  // The mapper is making a map, or has made one, for this.
+  bool expects_map() const { return pending_ || accepted_; }
+
   void reset();
   std::vector<std::array<Eigen::Vector2f, 2>> trails_for_drawing() const;
 

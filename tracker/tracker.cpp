@@ -57,7 +57,7 @@ TrackingResult Tracker::track(const Frame& frame, bool key_press) {
   images_ = features_.compute(frame.grey);
   out.times.features = static_cast<float>(milliseconds_since(start));
 
-  follow_map_changes(*snapshot);
+  follow_map_changes(frame, *snapshot);
   out.map_points = snapshot->size();
   out.map_keyframes = static_cast<int>(snapshot->keyframes.size());
   out.map_version = snapshot->map_version;
@@ -94,7 +94,7 @@ TrackingResult Tracker::track(const Frame& frame, bool key_press) {
   return out;
 }
 
-void Tracker::follow_map_changes(const TrackingSnapshot& map) {
+void Tracker::follow_map_changes(const Frame& frame, const TrackingSnapshot& map) {
   if (map.map_version != known_map_version_) {
     // Another map: whatever was known of the old one is void.
     known_map_version_ = map.map_version;
@@ -105,10 +105,20 @@ void Tracker::follow_map_changes(const TrackingSnapshot& map) {
     two_stage_.clear_cache();
     relocaliser_.clear();
     if (map.empty()) initialisation_.reset();  // the user's reset drops the trails too
+    was_on_map_ = false;
     if (tracking_) {
       tracking_ = false;
       initialisation_.reset();
       motion_.reset();
+    }
+    if (!map.empty() && !initialisation_.expects_map()) {
+      // A map that was made before: the camera is somewhere on it, or nowhere.
+      initialisation_.reset();
+      tracking_ = true;
+      bad_frames_ = options_.lost_after_frames + 1;
+      motion_.reset(map.keyframes.back().camera_from_world, frame.time);
+      scene_depth_ = map.keyframes.back().mean_depth;
+      relocaliser_.reset();
     }
     return;
   }
@@ -163,7 +173,8 @@ void Tracker::recover(const Frame& frame, const TrackingSnapshot& map, TrackingR
   out->times.recovery = static_cast<float>(milliseconds_since(before));
   out->state = TrackingState::lost;
   if (!found) {
-    out->message = "lost: move the camera back to where it has been";
+    out->message = was_on_map_ ? "lost: move the camera back to where it has been"
+                               : "looking for the place: show the camera something that is on the saved map";
     return;
   }
   report(result_, map, out);
@@ -177,6 +188,7 @@ void Tracker::recover(const Frame& frame, const TrackingSnapshot& map, TrackingR
 
 void Tracker::accept(const Frame& frame, const RigidTransform& pose, TrackingResult* out) {
   bad_frames_ = 0;
+  was_on_map_ = true;
   motion_.update(pose, frame.time);
   out->camera_from_world = pose;
   out->state = TrackingState::tracking;

@@ -39,7 +39,7 @@ class Tracker {
   Tracker(const CameraModel& camera, const TrackerOptions& options, bool automatic_initialisation,
           std::unique_ptr<TrackerSchedule> own, TrackerSchedule* given);
 
-  void follow_map_changes(const TrackingSnapshot& map);
+  void follow_map_changes(const Frame& frame, const TrackingSnapshot& map);
   void track_map(const Frame& frame, const TrackingSnapshot& map, TrackingResult* out);
   void recover(const Frame& frame, const TrackingSnapshot& map, TrackingResult* out);
   void report(const TwoStageResult& result, const TrackingSnapshot& map, TrackingResult* out);
@@ -63,8 +63,9 @@ class Tracker {
 
   std::shared_ptr<const FrameImages> images_, last_images_;
   TwoStageResult result_;
-  bool tracking_ = false;  // there is a map and a pose on it
-  int bad_frames_ = 0;     // in a row
+  bool tracking_ = false;    // there is a map and a pose on it, or there was one or is one to be found
+  bool was_on_map_ = false;  // a frame has been tracked on this map
+  int bad_frames_ = 0;       // in a row
   int last_keyframe_frame_ = -1000;
   int most_found_ = 0;      // points found in one frame, the most since the last keyframe
   double scene_depth_ = 1;  // median depth of what was tracked, metres

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 
 #include "app/initialisation_hint.h"
@@ -80,6 +81,28 @@ TEST(InitialisationHint, TellsATurnFromASlide) {
       last = hint.gauge;
     }
     EXPECT_GT(last, 0.5);
+  }
+}
+
+// A hand that slides turns too, often so that the table stays in the middle of the picture: the patches hardly move,
+// and the parallax is there all the same.
+TEST(InitialisationHint, ATurnTakesNothingFromASlide) {
+  for (const CameraModel& camera : {wide_lens(), narrow_lens()}) {
+    for (const double slant : {0.0, 0.5}) {
+      for (const double metres : {0.03, 0.05}) {
+        const double slid = initialisation_hint(camera, trails(camera, slide(metres), slant, 0.1), "").parallax_deg;
+        EXPECT_GT(slid, 0.6 * std::atan(metres / 0.6) * 180 / M_PI);
+        EXPECT_LT(slid, 1.1 * std::atan(metres / 0.6) * 180 / M_PI);
+        for (const double turn : {-0.08, -0.04, 0.04, 0.08}) {
+          RigidTransform motion = slide(metres);
+          motion.R = exp_so3({0.01, turn, 0.02});
+          motion.t = motion.R * motion.t;
+          const TrackingResult both = trails(camera, motion, slant, 0.1);
+          EXPECT_NEAR(initialisation_hint(camera, both, "").parallax_deg, slid, 0.25 * slid)
+              << metres << " m, turn " << turn << ", slant " << slant << ", focal " << camera.focal_px().x();
+        }
+      }
+    }
   }
 }
 

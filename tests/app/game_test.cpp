@@ -3,10 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
+#include "app/display_latency.h"
 #include "app/game_controls.h"
+#include "app/game_drift.h"
 #include "app/game_field.h"
 #include "app/game_session.h"
 #include "app/game_store.h"
@@ -96,6 +100,16 @@ TEST(GameField, IsScaledWithTheWorld) {
   EXPECT_TRUE(field.update(scaled));
   EXPECT_NEAR(area_of(*field.field()), 0.36 * 6.25, 1e-5);
   EXPECT_NEAR(field.field()->radius_m, 2.5 * std::sqrt(0.36 / M_PI), 1e-6);
+  EXPECT_NEAR(field.field()->scale, 2.5, 1e-12);
+  // Grown in the same moment: told apart.
+  change.s = 5;
+  TrackingSnapshot both = table_map(0.4, change);
+  both.version = 3;
+  both.keyframes.push_back(both.keyframes.front());
+  const PlayingField before = *field.field();
+  EXPECT_TRUE(field.update(both));
+  EXPECT_NEAR(length_factor(before, *field.field()), 2, 1e-12);
+  EXPECT_GT(field.field()->radius_m, 2.2 * before.radius_m);
 }
 
 TEST(GameField, AnotherMapIsAnotherField) {
@@ -105,6 +119,8 @@ TEST(GameField, AnotherMapIsAnotherField) {
   other.map_version = 2;
   EXPECT_TRUE(field.update(other));
   EXPECT_NEAR(area_of(*field.field()), 0.04, 1e-6);
+  EXPECT_EQ(field.field()->number, 2);
+  EXPECT_EQ(field.field()->scale, 1);
   TrackingSnapshot none = table_map(0.1);
   none.map_version = 3;
   none.plane.reset();
@@ -190,6 +206,11 @@ TEST(GameStore, ComesBackAndKeepsTheBest) {
   const std::string path = (scratch.path() / "sub" / "games.json").string();
   GameStore store;
   store.volume = 0.3;
+  store.effects = 0.4;
+  store.palette = "tol_vibrant";
+  store.seated = true;
+  store.occlusion = false;
+  store.explained = {"swarm"};
   store.difficulty = GameDifficulty::hard;
   store.left["swarm"] = "{\"a\": 1}";
   store.settings["burning_glass"]["focal_length"] = 2;
@@ -200,6 +221,11 @@ TEST(GameStore, ComesBackAndKeepsTheBest) {
   write_game_store(store, path);
   const GameStore back = read_game_store(path);
   EXPECT_EQ(back.volume, 0.3);
+  EXPECT_EQ(back.effects, 0.4);
+  EXPECT_EQ(back.palette, "tol_vibrant");
+  EXPECT_TRUE(back.seated);
+  EXPECT_FALSE(back.occlusion);
+  EXPECT_EQ(back.explained, std::set<std::string>{"swarm"});
   EXPECT_EQ(back.difficulty, GameDifficulty::hard);
   EXPECT_EQ(back.left.at("swarm"), "{\"a\": 1}");
   ASSERT_EQ(back.best("swarm", GameDifficulty::hard).size(), GameStore::kScoresKept);
@@ -215,15 +241,20 @@ TEST(GameStore, WhatCannotBeReadIsNone) {
   for (const char* text :
        {"", "{", "[]", "null",
         "{\"volume\": \"loud\", \"scores\": [1], \"left\": {\"swarm\": 3}, \"settings\": {\"a\": 1}}",
-        "{\"volume\": 7, \"difficulty\": \"odd\", \"scores\": {\"swarm/easy\": [{\"score\": \"x\"}, 3]}}"}) {
+        "{\"volume\": 7, \"palette\": \"mud\", \"explained\": [3, {}], \"effects\": -1, \"difficulty\": \"odd\", "
+        "\"scores\": {\"swarm/easy\": [{\"score\": \"x\"}, 3]}}"}) {
     std::ofstream(path) << text;
     const GameStore store = read_game_store(path);
     EXPECT_GE(store.volume, 0);
     EXPECT_LE(store.volume, 1);
     EXPECT_EQ(store.difficulty, GameDifficulty::normal);
+    EXPECT_EQ(store.palette, "okabe_ito");
+    EXPECT_TRUE(store.explained.empty());
     EXPECT_TRUE(store.left.empty());
     EXPECT_TRUE(store.best("swarm", GameDifficulty::easy).empty());
   }
+  std::ofstream(path) << "{\"colour_blind_safe\": false}";
+  EXPECT_EQ(read_game_store(path).palette, "vivid") << "as it was kept before palettes had names";
   EXPECT_EQ(read_game_store((scratch.path() / "nothing").string()).volume, GameStore().volume);
 }
 
@@ -268,20 +299,158 @@ TEST(GameSession, IsPlayedWhileTheCameraIsTracked) {
   EXPECT_EQ(later.runner().phase(), GamePhase::resuming);
 }
 
-TEST(RunGame, TheSameRecordingAndSeedGiveTheSameGame) {
-  const ScratchFolder scratch;
-  const auto play = [&](const std::string& game) {
-    const std::string report = (scratch.path() / "report.json").string();
-    const auto result = parallax_run({"synthetic:desk?frames=170&size=320x240", "--game", game, "--report", report});
-    EXPECT_EQ(result.exit_code, 0) << result.err;
-    EXPECT_NE(result.out.find("\ngame: "), std::string::npos) << result.out;
-    std::ifstream in(report);
-    return nlohmann::json::parse(in).at("game");
+// A camera of constant velocity: where the game aims is where the camera is when the picture is seen, not where it was
+// when the frame was taken.
+TEST(GameSession, AimsWhereTheCameraWillBe) {
+  constexpr double kBetween_s = 1.0 / 30, kAhead_s = 0.06;
+  const TrackingSnapshot map = table_map(0.3);
+  // Seen from 0.6 m above; it goes to the right at 30 cm/s and turns by 20 degrees a second.
+  Vector6d velocity;
+  velocity << -0.3, 0.05, 0.02, 0.05, 0.35, 0.1;
+  const RigidTransform start(Eigen::Vector3d(1, -1, -1).asDiagonal(), {-0.05, 0, 0.6});
+  const auto pose_at = [&](double seconds) { return RigidTransform::exp(velocity * seconds) * start; };
+  const auto sight_of = [](const GameSession& session) {
+    const auto sight = nlohmann::json::parse(session.runner().game().save()).at("robot").at("sight");
+    return Eigen::Vector2d(sight.at(0).get<double>(), sight.at(1).get<double>());
   };
-  const auto first = play("swarm?seed=3"), again = play("swarm?seed=3"), other = play("swarm?seed=4");
+  // Sights with poses of the frame's time plus `later_s`, predicted `ahead_s` farther.
+  const auto play = [&](double later_s, double ahead_s) {
+    GameSession session(GameRequest{"swarm", {}}, std::make_shared<const ModelSet>());
+    std::vector<Eigen::Vector2d> sights;
+    for (int i = 0; i < 12; ++i) {
+      Frame frame;
+      frame.index = i;
+      frame.time = from_seconds(i * kBetween_s);
+      TrackingResult tracked;
+      tracked.camera_from_world = pose_at(i * kBetween_s + later_s);
+      session.frame(frame, tracked, &map, {}, ahead_s);
+      sights.push_back(sight_of(session));
+    }
+    return sights;
+  };
+  const auto predicted = play(0, kAhead_s), truth = play(kAhead_s, 0), late = play(0, 0);
+  for (std::size_t i = 3; i < truth.size(); ++i) {
+    EXPECT_NEAR((predicted[i] - truth[i]).norm(), 0, 1e-6) << i;
+    EXPECT_GT((late[i] - truth[i]).norm(), 0.02) << "this is what the prediction is for";
+  }
+}
+
+TEST(DisplayLatency, OfTheProgramsOwnClockIsCountedFromCapture) {
+  DisplayLatency latency;
+  const auto at = [](double seconds) { return from_seconds(5000 + seconds); };
+  EXPECT_EQ(latency.capture_to_display_s(), 0);
+  for (int i = 0; i < 100; ++i) {
+    const double captured = i / 30.0;
+    // Taken up 25 ms after its capture, on the screen 11 ms later.
+    latency.take(at(captured), 0.004, at(captured + 0.025));
+    latency.shown(at(captured + 0.036));
+    latency.shown(at(captured + 0.06));  // drawn again without a new frame: no latency of a frame
+  }
+  EXPECT_TRUE(latency.exact());
+  EXPECT_NEAR(latency.capture_to_display_s(), 0.036, 1e-3);
+  // The next frame comes late: the horizon knows that at once.
+  EXPECT_NEAR(latency.take(at(10), 0.004, at(10.05)), 0.061, 1e-3);
+}
+
+TEST(DisplayLatency, OfAnotherClockTheFastestFrameCameAtOnce) {
+  DisplayLatency latency;
+  const auto now = [](double seconds) { return from_seconds(5000 + seconds); };
+  const auto stamp = [](double seconds) { return from_seconds(1000 + seconds); };
+  for (int i = 0; i < 200; ++i) {
+    const double captured = i / 30.0, waits = i % 3 == 0 ? 0.0 : 0.008;
+    latency.take(stamp(captured), 0.004, now(captured + 0.3 + waits));
+    latency.shown(now(captured + 0.31 + waits));
+  }
+  EXPECT_FALSE(latency.exact());
+  EXPECT_NEAR(latency.take(stamp(7), 0.004, now(7.3)), 0.004 + 0.010, 1e-3);
+  EXPECT_NEAR(latency.take(stamp(8), 0.004, now(8.33)), 0.034 + 0.010, 1e-3);
+  // A clock that was set anew, or another source.
+  EXPECT_NEAR(latency.take(from_seconds(3), 0.004, now(9)), 0.004 + 0.010, 1e-3);
+}
+
+nlohmann::json played(const std::string& source, const std::string& game, const ScratchFolder& scratch,
+                      const std::string& frames = {}) {
+  const std::string report = (scratch.path() / "report.json").string();
+  std::vector<std::string> arguments{source, "--game", game, "--report", report};
+  if (!frames.empty()) arguments.insert(arguments.end(), {"--frames", frames});
+  const auto result = parallax_run(arguments);
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("\ngame: "), std::string::npos) << result.out;
+  std::ifstream in(report);
+  return nlohmann::json::parse(in).at("game");
+}
+
+std::string bytes_of(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+TEST(RunGame, TheSameRecordingAndSeedGiveTheSameGameAndTheSamePictures) {
+  const ScratchFolder scratch;
+  const std::string source = "synthetic:desk?frames=170&size=320x240";
+  const auto one = scratch.path() / "one", two = scratch.path() / "two";
+  const auto first = played(source, "swarm?seed=3", scratch, one.string());
+  const auto again = played(source, "swarm?seed=3", scratch, two.string());
+  const auto other = played(source, "swarm?seed=4", scratch);
   EXPECT_GT(first.at("seconds").get<double>(), 2);
   EXPECT_EQ(first, again);
   EXPECT_NE(first.at("state"), other.at("state"));
+  const auto names = testing::names_in(one);
+  ASSERT_EQ(names.size(), 170u);
+  for (const std::string& name : names) ASSERT_EQ(bytes_of(one / name), bytes_of(two / name)) << name;
+}
+
+TEST(RunGame, WhatItPutsOnTheTableStaysThere) {
+  const ScratchFolder scratch;
+  for (const std::string& game : game_names()) {
+    const auto drift = played("synthetic:desk?frames=360&size=320x240", game, scratch).at("drift");
+    EXPECT_GT(drift.at("frames").get<int>(), 150) << game;
+    EXPECT_LT(drift.at("median_px").get<double>(), 2) << game << " " << drift;
+  }
+}
+
+// A camera that goes round a thing on z = 0, drawn with another map's scale and axes.
+TEST(GameDrift, IsTheDistanceFromWhereTheThingTrulyIs) {
+  const CameraModel camera(CameraModelKind::pinhole, 640, 480, {500, 500}, {319.5, 239.5});
+  SimilarityTransform map_from_truth;
+  map_from_truth.s = 3;
+  map_from_truth.R = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  map_from_truth.t = {0.3, -0.2, 0.9};
+  const Eigen::Vector3d thing(0.05, 0.02, 0);
+  const auto measured = [&](double error_px, int from) {
+    std::vector<GameSight> sights;
+    std::vector<StampedPose> truth;
+    for (int i = 0; i < 60; ++i) {
+      const Timestamp time(static_cast<std::int64_t>(i) * 33'000'000);
+      const Eigen::Vector3d eye(0.3 * std::cos(0.05 * i), 0.3 * std::sin(0.05 * i), 0.4);
+      const Eigen::Vector3d z = -eye.normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
+      RigidTransform world_from_camera;
+      world_from_camera.R << x, z.cross(x), z;
+      world_from_camera.t = eye;
+      truth.push_back({time, world_from_camera});
+      GameSight sight;
+      sight.time = time;
+      sight.number = 5;
+      sight.camera_from_world = map_from_truth.rebase(world_from_camera.inverse());
+      sight.place = map_from_truth * thing;
+      // Drawn to the right of where it is.
+      const Eigen::Vector3d in_camera = sight.camera_from_world * sight.place;
+      if (i >= from)
+        sight.place = sight.camera_from_world.inverse() *
+                      Eigen::Vector3d(in_camera + Eigen::Vector3d(error_px * in_camera.z() / 500, 0, 0));
+      sights.push_back(sight);
+    }
+    return measure_drift(sights, truth, camera);
+  };
+  const auto none = measured(0, 0), some = measured(4, 1), late = measured(4, 50);
+  ASSERT_TRUE(none && some && late);
+  EXPECT_EQ(none->frames, 59);
+  EXPECT_EQ(none->things, 1);
+  EXPECT_NEAR(none->largest_px, 0, 1e-6);
+  EXPECT_NEAR(some->median_px, 4, 1e-6);
+  EXPECT_NEAR(late->median_px, 0, 1e-6);
+  EXPECT_NEAR(late->largest_px, 4, 1e-6);
+  EXPECT_FALSE(measure_drift({}, {}, camera));
 }
 
 TEST(RunGame, UnknownGameIsOneLine) {

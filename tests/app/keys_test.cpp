@@ -80,5 +80,46 @@ TEST(Keys, TwoActionsCanSwap) {
   EXPECT_EQ(keys.chord_names(Action::initialise), "Space, Enter");
 }
 
+TEST(Keys, AKeyOfTheUsersIsTakenFromADefault) {
+  KeyBindings keys;
+  const auto yielded = set_keys({{Action::label, {*parse_key_chord("E"), *parse_key_chord("A")}}}, &keys);
+  EXPECT_EQ(keys.action_of(GLFW_KEY_E, 0), Action::label);
+  EXPECT_EQ(keys.action_of(GLFW_KEY_A, 0), Action::label);
+  EXPECT_EQ(keys.chord_names(Action::game_act), "V") << "its second choice";
+  EXPECT_EQ(keys.chord_names(Action::move_left), "Left") << "what is left of two is enough";
+  ASSERT_EQ(yielded.size(), 2u);
+  const auto text = yielded_text(yielded, keys);
+  EXPECT_EQ(text[0], "E is yours for label: game_act has V now");
+  EXPECT_EQ(text[1], "A is yours for label: move_left has Left now");
+}
+
+TEST(Keys, WithoutASecondChoiceAnActionHasNoKey) {
+  KeyBindings keys;
+  // The second choice is taken as well; and one who wanted a key twice is told as before.
+  const auto yielded = set_keys({{Action::label, {*parse_key_chord("E"), *parse_key_chord("V")}}}, &keys);
+  ASSERT_EQ(yielded.size(), 1u);
+  EXPECT_TRUE(keys.chords(Action::game_act).empty());
+  EXPECT_EQ(yielded_text(yielded, keys)[0], "E is yours for label: game_act has no key now");
+  KeyBindings twice;
+  EXPECT_THROW(set_keys({{Action::label, {*parse_key_chord("F")}}, {Action::model, {*parse_key_chord("F")}}}, &twice),
+               InputError);
+  EXPECT_EQ(twice, KeyBindings());
+}
+
+// Settings of before there were games, which gave any one key to any one action.
+TEST(Keys, NoSingleKeyOfTheUsersIsRefused) {
+  for (int i = 0; i < kActions; ++i) {
+    for (const KeyChord& chord : KeyBindings().chords(static_cast<Action>(i))) {
+      for (int to = 0; to < kActions; ++to) {
+        KeyBindings keys;
+        set_keys({{static_cast<Action>(to), {chord}}}, &keys);
+        EXPECT_EQ(keys.action_of(chord.key, chord.modifiers), static_cast<Action>(to));
+        for (int same = 0; same < kActions; ++same)  // no key has two actions
+          EXPECT_NO_THROW(keys.set(static_cast<Action>(same), keys.chords(static_cast<Action>(same))));
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace parallax::testing

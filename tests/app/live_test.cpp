@@ -13,6 +13,7 @@
 #include "core/error.h"
 #include "core/trajectory.h"
 #include "core/trajectory_error.h"
+#include "tests/support/file_size_limit.h"
 #include "tests/support/process.h"
 
 namespace parallax::testing {
@@ -49,6 +50,23 @@ TEST(LiveHeadless, EndsAtItsLimitWithWholeFiles) {
                                          read_trajectory(live.folder.file("truth.txt")), {});
   EXPECT_GT(error.matches.size(), 20u);
   EXPECT_LT(summarise_errors(error.position).rmse, 0.005);
+}
+
+TEST(LiveHeadless, AVideoThatCannotBeFinishedCostsOnlyItself) {
+  const LiveRun live;
+  ProcessResult result;
+  {
+    const FileSizeLimit limit(60000);
+    result = live({"--headless", "--camera", "synthetic:desk?size=320x240", "--frames-limit", "60", "--video",
+                   live.folder.file("v.avi"), "--report", live.folder.file("r.json"), "--truth",
+                   live.folder.file("truth.txt")});
+  }
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_EQ(count_lines(result.err), 1) << result.err;
+  EXPECT_NE(result.err.find(live.folder.file("v.avi") + ": cannot be written"), std::string::npos) << result.err;
+  EXPECT_FALSE(fs::exists(live.folder.file("v.avi")));
+  EXPECT_EQ(nlohmann::json::parse(read_all(live.folder.file("r.json"))).at("frames").at("read"), 60);
+  EXPECT_GE(read_trajectory(live.folder.file("truth.txt")).size(), 60u);
 }
 
 TEST(LiveHeadless, SecondsAreALimitToo) {

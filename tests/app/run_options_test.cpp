@@ -43,7 +43,10 @@ TEST(RunOptions, Settings) {
 
 class RunCalibration : public ::testing::Test {
  protected:
-  static std::string good() { return format_calibration(*recording_source("size=320x240", 1)->calibration()); }
+  static const std::string& good() {
+    static const std::string text = format_calibration(*recording_source("size=320x240", 1)->calibration());
+    return text;
+  }
   // The calibration with the value of one key replaced.
   static std::string with(const std::string& key, const std::string& value) {
     std::string text = good();

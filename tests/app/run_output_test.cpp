@@ -1,9 +1,9 @@
 // Outputs of `parallax run` that cannot be written: one line, exit code 1, nothing half-written left behind.
-#include <sys/resource.h>
+#include <nlohmann/json.hpp>
 
-#include <csignal>
-
+#include "core/trajectory.h"
 #include "tests/app/run_fixture.h"
+#include "tests/support/file_size_limit.h"
 
 namespace parallax::testing {
 namespace {
@@ -20,32 +20,27 @@ std::vector<std::string> tracked_with(const std::vector<std::string>& more) {
   return words;
 }
 
-// A file may not grow beyond so many bytes in here and in programs started from here: a disk that gets full.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t bytes) {
-    getrlimit(RLIMIT_FSIZE, &before_);
-    rlimit limit = before_;
-    limit.rlim_cur = bytes;
-    setrlimit(RLIMIT_FSIZE, &limit);
-    signal_before_ = std::signal(SIGXFSZ, SIG_IGN);
-  }
-  ~FileSizeLimit() {
-    setrlimit(RLIMIT_FSIZE, &before_);
-    std::signal(SIGXFSZ, signal_before_);
-  }
-  FileSizeLimit(const FileSizeLimit&) = delete;
-  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
-
- private:
-  rlimit before_{};
-  void (*signal_before_)(int) = SIG_DFL;
-};
-
 class RunOutput : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(RunOutput, FullDevice) {
   expect_one_line(parallax_run(tracked_with({GetParam(), "/dev/full"})), 1, "/dev/full: cannot be written");
+}
+
+// The disk gets full by the video: what is small enough is there all the same, and whole.
+TEST(RunOutputs, TheOthersAreWrittenWhenTheVideoCannotBe) {
+  const ScratchFolder folder;
+  ProcessResult result;
+  {
+    const FileSizeLimit limit(60000);
+    result = parallax_run(tracked_with({"--video", folder.file("v.avi"), "--trajectory", folder.file("t.txt"),
+                                        "--keyframes", folder.file("k.txt"), "--report", folder.file("r.json")}));
+  }
+  expect_one_line(result, 1, folder.file("v.avi") + ": cannot be written");
+  EXPECT_EQ(result.out.find("video: "), std::string::npos) << result.out;
+  EXPECT_EQ(names_in(folder.path()).size(), 3u);
+  EXPECT_GT(read_trajectory(folder.file("t.txt")).size(), 20u);
+  EXPECT_GE(read_trajectory(folder.file("k.txt")).size(), 2u);
+  EXPECT_EQ(nlohmann::json::parse(read_all(folder.file("r.json"))).at("frames").at("read"), 60);
 }
 
 TEST_P(RunOutput, DiskThatGetsFull) {

@@ -75,7 +75,8 @@ TEST(UserSettingsTest, BadValuesNameFileKeyAndWhatWasExpected) {
   EXPECT_NE(bad_key.find("settings.yaml: key keys.initialise: found 'Spcae', expected a key"), std::string::npos)
       << bad_key;
   EXPECT_NE(refusal("keys: {fly: F}\n").find("expected one of initialise"), std::string::npos);
-  EXPECT_NE(refusal("keys: {label: M}\n").find("map_view"), std::string::npos);
+  const std::string twice = refusal("keys: {label: F, model: [F, O]}\n");
+  EXPECT_EQ(twice, "settings.yaml: key F: found at label and at model, expected at one of them");
   EXPECT_NE(refusal("keys: 3\n").find("key keys"), std::string::npos);
   EXPECT_NE(refusal("size: big\n").find("WIDTHxHEIGHT"), std::string::npos);
   EXPECT_NE(refusal("size: 640x\n").find("WIDTHxHEIGHT"), std::string::npos);
@@ -84,6 +85,19 @@ TEST(UserSettingsTest, BadValuesNameFileKeyAndWhatWasExpected) {
   EXPECT_NE(refusal("camera: [a]\n").find("found a list"), std::string::npos);
   EXPECT_NE(refusal("- 1\n").find("a list"), std::string::npos);
   EXPECT_NE(refusal("keys: {\n").find("line"), std::string::npos);
+}
+
+// A file of before there were games.
+TEST(UserSettingsTest, AKeyInTheFileWinsOverADefault) {
+  const UserSettings settings =
+      parse_user_settings("keys: {label: B, model: E, plane: X, measure: Z, quit: G}\n", "settings.yaml");
+  EXPECT_EQ(settings.keys.action_of(GLFW_KEY_B, 0), Action::label);
+  EXPECT_EQ(settings.keys.action_of(GLFW_KEY_G, 0), Action::quit);
+  EXPECT_EQ(settings.keys.chord_names(Action::game_pause), "Pause");
+  EXPECT_EQ(settings.keys.chord_names(Action::next_game), "Shift+G");
+  ASSERT_EQ(settings.key_remarks.size(), 5u);
+  EXPECT_EQ(settings.key_remarks[0], "G is yours for quit: next_game has Shift+G now");
+  EXPECT_TRUE(parse_user_settings("keys: {label: F}\n", "s").key_remarks.empty());
 }
 
 TEST(ProgramStateTest, RoundTripKeepsUnknownKeys) {
@@ -96,6 +110,7 @@ TEST(ProgramStateTest, RoundTripKeepsUnknownKeys) {
   state.window_height = 600;
   state.full_screen = true;
   state.camera = "v4l2:/dev/video0";
+  state.key_remarks = "B is yours for label: game_pause has Pause now";
   write_program_state(state, path);
   const ProgramState back = read_program_state(path);
   EXPECT_EQ(back.window_x, 10);
@@ -104,6 +119,7 @@ TEST(ProgramStateTest, RoundTripKeepsUnknownKeys) {
   EXPECT_EQ(back.window_height, 600);
   EXPECT_TRUE(back.full_screen);
   EXPECT_EQ(back.camera, state.camera);
+  EXPECT_EQ(back.key_remarks, state.key_remarks);
   const std::string text = read_all(path);
   EXPECT_NE(text.find("games"), std::string::npos) << text;
   EXPECT_NE(text.find("monitor"), std::string::npos) << text;

@@ -39,8 +39,8 @@ bool same(const cv::Mat& a, const cv::Mat& b) {
   return a.size() == b.size() && a.type() == b.type() && (a.empty() || cv::norm(a, b, cv::NORM_INF) == 0);
 }
 
-TEST(RecordingCodec, IsLossless) {
-  RecordingCodec codec;
+TEST(ImageCodec, IsLossless) {
+  ImageCodec codec;
   for (const cv::Size size : {cv::Size(1, 1), cv::Size(1, 9), cv::Size(9, 1), cv::Size(33, 17), cv::Size(320, 240)}) {
     for (int kind = 0; kind < 3; ++kind) {
       const Frame frame = made_frame(3, size.width, size.height, true, kind);
@@ -65,8 +65,8 @@ TEST(RecordingCodec, IsLossless) {
 }
 
 // A part of a larger image: rows are not one after the other in memory.
-TEST(RecordingCodec, TakesImagesThatAreParts) {
-  RecordingCodec codec;
+TEST(ImageCodec, TakesImagesThatAreParts) {
+  ImageCodec codec;
   const Frame whole = made_frame(0, 64, 48, false, 2);
   const GreyImage part = whole.grey(cv::Rect(5, 7, 31, 22));
   std::string bytes;

@@ -69,6 +69,54 @@ TEST_F(WindowTest, KeysInitialiseShowTheMapAndSavePictures) {
   EXPECT_NE(state.find("future: kept"), std::string::npos) << state;
 }
 
+// The menu of the games with keys alone: cards, settings, the explanation before the first start, back out. A key that
+// the settings give to another action is no reason not to start.
+TEST_F(WindowTest, TheGamesHaveAMenu) {
+  folder_.write("parallax/settings.yaml", "keys: {label: E, model: B}\n");
+  start("synthetic:desk?size=160x120");
+  ASSERT_TRUE(title_says("waiting")) << read_all(folder_.file("log"));
+  const auto menu_is_closed = [&] {
+    for (int i = 0; i < 300; ++i) {
+      if (xdotool({"search", "--name", "Parallax", "getwindowname"}).find("games") == std::string::npos) return true;
+      poll(nullptr, 0, 30);
+    }
+    return false;
+  };
+  const cv::Mat3b before = screenshot();
+  key("g");
+  ASSERT_TRUE(title_says("games"));
+  const cv::Mat3b cards = screenshot();
+  ASSERT_EQ(cards.size(), before.size());
+  // Three pictures of the desk on a dark ground: at the left and right edge of the menu it is dark, in the cards not.
+  cv::Mat grey;
+  cv::cvtColor(cards, grey, cv::COLOR_BGR2GRAY);
+  const int dark = cv::countNonZero(grey < 60), all = grey.rows * grey.cols;
+  EXPECT_GT(dark, all / 5);
+  EXPECT_GT(cv::countNonZero(grey > 100), all / 12);
+  key("Down");
+  key("Right");
+  key("Right");
+  key("Return");  // the settings
+  key("Right");   // louder
+  key("Escape");
+  key("Escape");
+  ASSERT_TRUE(menu_is_closed());
+  key("g");
+  ASSERT_TRUE(title_says("games"));
+  key("g");
+  key("Return");  // explained
+  key("Return");  // begun
+  ASSERT_TRUE(menu_is_closed());
+  key("q");
+  const auto code = program_->wait_for(std::chrono::seconds(30));
+  ASSERT_TRUE(code.has_value()) << "q does not quit";
+  EXPECT_EQ(*code, 0) << read_all(folder_.file("log"));
+  const auto kept = nlohmann::json::parse(read_all(folder_.file("parallax/games.json")), nullptr, false);
+  ASSERT_FALSE(kept.is_discarded());
+  EXPECT_NEAR(kept.at("volume").get<double>(), 0.8, 1e-9);
+  EXPECT_EQ(kept.at("explained"), nlohmann::json::array({"burning_glass"}));
+}
+
 TEST_F(WindowTest, UnknownLensIsAskedForAndMarked) {
   start("synthetic:desk?size=160x120&calibration=none");
   ASSERT_TRUE(title_says("first time")) << read_all(folder_.file("log"));

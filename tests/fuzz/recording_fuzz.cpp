@@ -20,7 +20,7 @@ void check_file(const std::string& bytes) {
   std::istringstream file(bytes);
   const parallax::RecordingContents contents = parallax::read_recording(file, "file");
   require(contents.damage.find('\n') == std::string::npos);
-  parallax::RecordingCodec codec;
+  parallax::ImageCodec codec;
   for (std::size_t i = 0; i < contents.frames.size(); ++i) {
     const auto& at = contents.frames[i];
     require(at.index >= 0 && at.offset + at.size <= bytes.size());
@@ -45,7 +45,7 @@ void check_schedule(const std::uint8_t* data, std::size_t size) {
 
 void check_codec(const std::uint8_t* data, std::size_t size) {
   if (size < 2) return;
-  parallax::RecordingCodec codec;
+  parallax::ImageCodec codec;
   parallax::GreyImage grey;
   const cv::Size shape(1 + data[0] % 64, 1 + data[1] % 64);
   if (codec.unpack_grey({data + 2, size - 2}, shape, &grey)) require(grey.size() == shape);

@@ -3,10 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "core/error.h"
 #include "games/burning_glass_codec.h"
@@ -19,6 +21,10 @@ using burning::Generator;
 using burning::kFullChar;
 using burning::kSheetCells;
 using burning::kSheetSize;
+using burning::LightOnSheet;
+using burning::Material;
+using burning::materials;
+using burning::Sheet;
 using burning::SheetGrid;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
@@ -105,7 +111,7 @@ TEST(BurningGlass, BurnsAtTheFocalLengthWithinASecondAndNotElsewhere) {
     EXPECT_EQ(away, 0) << material;
     EXPECT_EQ(game.stroke_count(), 1u);
 
-    for (const double share : {0.4, 0.75, 1.3, 1.8}) {
+    for (const double share : {0.4, 0.67, 1.33, 1.8}) {  // a third out of focus
       game.start(empty_field(kRadius_m), options_of(material));
       play(&game, above(0.03, -0.02, share * focal_length), 5);
       EXPECT_EQ(char_sum(game), 0) << material << " at " << share;
@@ -120,29 +126,133 @@ TEST(BurningGlass, BurnsAtTheFocalLengthWithinASecondAndNotElsewhere) {
   }
 }
 
-TEST(BurningGlass, MaterialsDiffer) {
-  double charred[3], later[3];
-  cv::Mat4b pictures[3];
+// A square of even light, 30 cells wide.
+struct Patch {
+  Sheet sheet;
+  LightOnSheet light;
+  explicit Patch(double suns, std::uint64_t seed = 1) {
+    sheet.clear(seed);
+    light.box = {110, 110, 140, 140};
+    for (int row = 110; row < 140; ++row) {
+      for (int column = 110; column < 140; ++column) {
+        light.concentration[SheetGrid::index(column, row)] = static_cast<float>(suns);
+      }
+    }
+  }
+  // The time until a cell chars; -1: it does not within `most_s`.
+  double time_to_char(const Material& material, double most_s) {
+    for (int tick = 1; tick <= most_s * kGameTicksPerSecond; ++tick) {
+      if (!sheet.advance(material, &light, 1, kGameTick_s).fresh.empty()) return tick * kGameTick_s;
+    }
+    return -1;
+  }
+};
+
+// Each as its substance says: the light that it takes to char it, and how long that takes, by the closed form of
+// dT/dt = w a C - k T, which holds in the middle of a wide patch of light.
+TEST(BurningGlassMaterial, CharsWhereAndWhenItsSubstanceSays) {
+  std::array<double, 3> suns_to_char{}, warming{};
+  for (std::size_t m = 0; m < 3; ++m) {
+    const Material& material = materials()[m];
+    const burning::Substance& substance = burning::substance_of(material.kind);
+    const double capacity = substance.density_kg_m3 * substance.heat_capacity_J_kgK * substance.heated_depth_m;
+    EXPECT_NEAR(material.warming_k_per_s, burning::kHurry * 1000 / capacity, 1e-9) << material.name;
+    EXPECT_NEAR(material.cooling_per_s / material.warming_k_per_s, substance.loss_W_m2K / 1000, 1e-12);
+    // In the steady state the sun's heat is what is lost; time does not matter to it.
+    suns_to_char[m] = material.ignition_k * substance.loss_W_m2K / (1000 * material.absorption);
+    warming[m] = material.warming_k_per_s;
+    EXPECT_LT(Patch((1 - material.unevenness) * 0.9 * suns_to_char[m]).time_to_char(material, 5), 0) << material.name;
+    const double suns = 5 * suns_to_char[m], least_k = material.ignition_k * (1 - 0.8 * material.unevenness);
+    const double steady_k = material.warming_k_per_s * material.absorption * suns / material.cooling_per_s;
+    const double expected_s = -std::log(1 - least_k / steady_k) / material.cooling_per_s;
+    EXPECT_NEAR(Patch(suns).time_to_char(material, 5), expected_s, 0.15 * expected_s + kGameTick_s) << material.name;
+  }
+  EXPECT_GT(warming[1], 2 * warming[0]) << "a sheet of paper holds far less heat than a board";
+  EXPECT_GT(warming[0], 1.2 * warming[2]);
+  EXPECT_GT(suns_to_char[1], 1.2 * suns_to_char[0]) << "white paper throws most of the light back";
+  EXPECT_GT(suns_to_char[0], 1.05 * suns_to_char[2]) << "a disc gives way at its glass transition";
+}
+
+TEST(BurningGlassMaterial, PaperSmouldersOnAndGoesOutAndTheOthersDoNot) {
   for (int material = 0; material < 3; ++material) {
+    double drawn = 0, later = 0;
+    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+      BurningGlass game;
+      game.start(empty_field(kRadius_m), options_of(material, seed));
+      for (int i = 0; i < 360; ++i) game.step(above(0.16 * (i - 180) / 360, 0, game.focal_length_m()));
+      const double before = char_sum(game);
+      drawn += before;
+      GameInput covered = above(0, 0, game.focal_length_m());
+      covered.fire = true;
+      play(&game, covered, 20);
+      const double out = char_sum(game);
+      later += out;
+      EXPECT_LT(out, 0.12 * kSheetSize) << "it never takes the whole sheet";
+      play(&game, covered, 4);
+      EXPECT_EQ(char_sum(game), out) << material << " " << seed << ": out";
+      EXPECT_EQ(game.sheet().last().hottest_k, 0) << material << " " << seed;
+    }
+    if (material == 1) {
+      EXPECT_GT(later, 1.3 * drawn);
+    } else {
+      EXPECT_LT(later, 1.06 * drawn) << material;
+    }
+  }
+}
+
+TEST(BurningGlassMaterial, LooksAndSmokesAsItself) {
+  std::array<cv::Scalar, 3> mean{}, deviation{};
+  std::array<double, 3> hues{}, smoke{}, sparks{};
+  for (int material = 0; material < 3; ++material) {
+    const auto m = static_cast<std::size_t>(material);
     BurningGlass game;
     game.start(empty_field(kRadius_m), options_of(material));
-    play(&game, above(0, 0, game.focal_length_m()), 1.5);
-    charred[material] = char_sum(game);
-    pictures[material] = game.export_picture();
-    GameInput covered = above(0, 0, game.focal_length_m());
-    covered.fire = true;
-    play(&game, covered, 10);
-    later[material] = char_sum(game);
-    // It goes out by itself.
-    play(&game, covered, 5);
-    EXPECT_EQ(char_sum(game), later[material]) << material;
-    EXPECT_LT(later[material], 0.05 * kSheetSize) << material;
-    EXPECT_EQ(game.sheet().last().hottest_k, 0) << material;
+    double charred = 0;
+    for (int i = 0; i < 240; ++i) {
+      game.step(above(0.06 * std::cos(0.05 * i), 0.06 * std::sin(0.05 * i), game.focal_length_m()));
+      charred += game.sheet().last().charred;
+      if (i % 4 != 0) continue;
+      DrawList list;
+      game.draw(ModelSet(), &list);
+      for (const Sprite& sprite : list.sprites) {
+        if (!sprite.additive) smoke[m] += 1;
+        sparks[m] += sprite.additive && sprite.radius_m < 0.01 * kRadius_m;  // not the glare and the sun
+      }
+    }
+    smoke[m] /= charred;
+    sparks[m] /= charred;
+    const cv::Mat4b picture = game.export_picture();
+    cv::Mat alpha, mask;
+    cv::extractChannel(picture, alpha, 3);
+    cv::threshold(alpha, mask, 128, 255, cv::THRESH_BINARY);
+    ASSERT_GT(cv::countNonZero(mask), 100);
+    cv::meanStdDev(picture, mean[m], deviation[m], mask);
+    // How differently the channels go up and down: grey things have none of it.
+    double sum = 0;
+    int count = 0;
+    for (int y = 0; y < picture.rows; ++y) {
+      for (int x = 0; x < picture.cols; ++x) {
+        if (mask.at<std::uint8_t>(y, x) == 0) continue;
+        const cv::Vec4b& p = picture(y, x);
+        sum += std::max({p[0], p[1], p[2]}) - std::min({p[0], p[1], p[2]});
+        ++count;
+      }
+    }
+    hues[m] = sum / count;
   }
-  EXPECT_GT(charred[1], 1.2 * charred[0]);  // paper burns more than wood
-  EXPECT_GT(std::abs(charred[0] - charred[2]), 0.1 * charred[0]);
-  EXPECT_GT(cv::norm(pictures[0], pictures[1], cv::NORM_INF), 30);
-  EXPECT_GT(cv::norm(pictures[0], pictures[2], cv::NORM_INF), 100);
+  const auto brightness = [&](std::size_t m) { return (mean[m][0] + mean[m][1] + mean[m][2]) / 3; };
+  EXPECT_LT(brightness(0), 80) << "wood goes black";
+  EXPECT_LT(brightness(1), 90) << "paper too";
+  EXPECT_GT(brightness(2), 100) << "a disc goes milky";
+  EXPECT_GT(hues[2], 2 * hues[0]) << "and shimmers";
+  EXPECT_GT(hues[2], 2 * hues[1]);
+  for (const std::size_t channel : {0u, 1u, 2u}) {
+    EXPECT_GT(deviation[2][static_cast<int>(channel)], 40) << "in every colour";
+  }
+  EXPECT_GT(smoke[1], 1.2 * smoke[0]);
+  EXPECT_GT(smoke[0], 1.5 * smoke[2]);
+  EXPECT_GT(sparks[0], 0);
+  EXPECT_EQ(sparks[2], 0) << "plastic has no sparks";
 }
 
 TEST(BurningGlass, ACircleOfTheCameraLeavesACircle) {
@@ -160,7 +270,7 @@ TEST(BurningGlass, ACircleOfTheCameraLeavesACircle) {
       for (int column = 0; column < kSheetCells; ++column) {
         const double there = game.sheet().charred()[SheetGrid::index(column, row)];
         const Vector2d at = game.grid().centre_of(column, row);
-        if (there > 0) {
+        if (there > 0 && material != 1) {  // paper's edge smoulders on
           ASSERT_NEAR(at.norm(), radius, 8 * game.grid().cell_m());
         }
         const double turn = std::atan2(at.y(), at.x()) / (2 * std::numbers::pi) + 0.5;
@@ -171,7 +281,8 @@ TEST(BurningGlass, ACircleOfTheCameraLeavesACircle) {
     }
     for (std::size_t sector = 0; sector < 72; ++sector) {
       ASSERT_GT(weight[sector], 0.5 * kFullChar) << material << " sector " << sector;
-      EXPECT_NEAR(distance[sector] / weight[sector], radius, 1.5 * game.grid().cell_m()) << material;
+      EXPECT_NEAR(distance[sector] / weight[sector], radius, (material == 1 ? 20 : 1.5) * game.grid().cell_m())
+          << material;
     }
     EXPECT_EQ(game.stroke_count(), 1u);
   }
@@ -352,18 +463,19 @@ TEST(BurningGlass, LayersComeBackFromTheirText) {
   for (const char* text : {"TWF", "TWF*", "=AAA", "TW=u"}) EXPECT_FALSE(burning::from_base64(text, &bytes)) << text;
 }
 
-TEST(BurningGlass, SixMinutesOfRandomPlayStayFiniteAndBounded) {
+// Long trials: bench/game_endurance.
+TEST(BurningGlass, ThreeMinutesOfRandomPlayStayFiniteAndBounded) {
   BurningGlass game;
   game.start(empty_field(kRadius_m), options_of(1, 4));
   Generator generator(2);
   GameInput input;
   std::size_t longest = 0;
-  for (int i = 0; i < 6 * 60 * kGameTicksPerSecond; ++i) {
+  for (int i = 0; i < 3 * 60 * kGameTicksPerSecond; ++i) {
     input = random_input(&generator, input);
     game.step(input);
-    if (i % 7200 == 0) {
-      game.set("material", static_cast<double>(i / 7200 % 3));
-      game.set("lens_shape", static_cast<double>(i / 7200 % 2));
+    if (i % 3600 == 0) {
+      game.set("material", static_cast<double>(i / 3600 % 3));
+      game.set("lens_shape", static_cast<double>(i / 3600 % 2));
       game.change_field(empty_field(generator.uniform(0.1, 0.3)));
       longest = std::max(longest, game.save().size());
       for (const float value : game.sheet().temperature_k()) ASSERT_TRUE(value >= 0 && value <= 1400);
@@ -401,8 +513,14 @@ TEST(BurningGlass, SettingsAreClampedAndTheFieldMayChange) {
   ASSERT_GT(before, 0.5);
   game.change_field(empty_field(0.5));
   EXPECT_EQ(char_at(game, 0.03, 0.06), before);
-  game.rescale(2);
+  EXPECT_EQ(game.half_extent_m(), 0.3) << "the sheet keeps its size when the table grows";
+  // The map is scaled: what is burnt stays where it is on the table.
+  PlayingField twice = empty_field(1.0);
+  twice.scale = 2;
+  game.change_field(twice);
   EXPECT_EQ(char_at(game, 0.06, 0.12), before);
+  EXPECT_NEAR(game.half_extent_m(), 0.6, 1e-12);
+  EXPECT_NEAR(game.landmark()->position_m.x(), 0.06, 0.02);
 }
 
 TEST(BurningGlass, DrawsTheBurnWhereItIs) {

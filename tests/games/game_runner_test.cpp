@@ -168,6 +168,18 @@ TEST_F(Runner, TheFieldIsHandedOn) {
   EXPECT_EQ(game_.radius_m, 0.5);
 }
 
+TEST(PlayingField, WhatLengthsBecome) {
+  PlayingField first = empty_field(0.2), grown = empty_field(0.3), scaled = empty_field(0.5), other = empty_field(0.7);
+  scaled.scale = 2.5;
+  other.number = 1;
+  EXPECT_EQ(length_factor(first, grown), 1) << "more table";
+  EXPECT_EQ(length_factor(first, scaled), 2.5) << "the same table in other metres";
+  EXPECT_NEAR(length_factor(scaled, first), 0.4, 1e-15);
+  EXPECT_NEAR(length_factor(scaled, other), 1.4, 1e-15) << "another table, in proportion";
+  other.radius_m = 0;
+  EXPECT_EQ(length_factor(first, other), 1);
+}
+
 TEST(PlayingField, InsideAndNearest) {
   const PlayingField field = empty_field(0.2);
   EXPECT_TRUE(inside_outline(field, {0, 0}));

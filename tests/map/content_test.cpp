@@ -99,16 +99,14 @@ TEST(Content, FollowsTheWorldWithoutAJump) {
 TEST(Content, FollowsASharedMap) {
   SharedMap map;
   test::FabricatedMap f = test::fabricate_map();
-  map.write([&](Map& m) { m = f.map; });
-  map.note_new_map();
+  map.replace_map(f.map);
   map.publish();
   Content content;
   content.follow(*map.snapshot());
   const Vector3d on_point = map.snapshot()->position[3];
   const int id = content.add_label("here", on_point, Vector3d::UnitZ());
   const SimilarityTransform change = some_change(3.0);
-  map.write([&](Map& m) { m.transform_world(change); });
-  map.note_world_change(change);
+  map.move_world(change);
   map.publish();
   content.follow(*map.snapshot());
   EXPECT_LT((content.find(id)->position() - map.snapshot()->position[3]).norm(), 1e-12);

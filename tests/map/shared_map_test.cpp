@@ -59,8 +59,7 @@ TEST(SharedMap, WorldChangesAreCarriedByTheNextPublication) {
   const auto first = shared.snapshot();
   const SimilarityTransform a(2.0, exp_so3({0.1, 0.2, 0.3}), {1, 2, 3}), b(0.5, exp_so3({-0.4, 0, 0.2}), {0, -1, 0});
   for (const SimilarityTransform& change : {a, b}) {
-    shared.write([&](Map& m) { m.transform_world(change); });
-    shared.note_world_change(change);
+    shared.move_world(change);
   }
   EXPECT_EQ(shared.snapshot()->world_version, 0U);
   shared.publish();
@@ -81,10 +80,10 @@ TEST(SharedMap, WorldChangesAreCarriedByTheNextPublication) {
 TEST(SharedMap, ANewMapStartsANewWorld) {
   SharedMap shared;
   fill(&shared);
-  shared.note_world_change(SimilarityTransform(3.0, Eigen::Matrix3d::Identity(), {0, 0, 1}));
+  shared.move_world(SimilarityTransform(3.0, Eigen::Matrix3d::Identity(), {0, 0, 1}));
   shared.publish();
   EXPECT_EQ(shared.snapshot()->world_from_first.s, 3.0);
-  shared.note_new_map();
+  shared.replace_map({});
   shared.publish();
   const auto s = shared.snapshot();
   EXPECT_EQ(s->map_version, 1U);
@@ -118,8 +117,7 @@ TEST(SharedMap, TwoThreadsSeeWholeStatesOnly) {
   std::jthread writer([&] {
     for (int i = 0; i < kRounds; ++i) {
       const SimilarityTransform change(i % 2 ? 1.1 : 1 / 1.1, exp_so3({0, 0.001 * i, 0}), {0.01, 0, 0});
-      shared.write([&](Map& m) { m.transform_world(change); });
-      shared.note_world_change(change);
+      shared.move_world(change);
       shared.publish();
     }
     done = true;

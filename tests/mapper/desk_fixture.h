@@ -34,8 +34,7 @@ inline Map copy_of(const SharedMap& map) {
 
 // Puts a map into its shared place, as the mapper does with a new one.
 inline void set_map(SharedMap* shared, Map map) {
-  shared->write([&](Map& m) { m = std::move(map); });
-  shared->note_new_map();
+  shared->replace_map(std::move(map));
   shared->publish();
 }
 

@@ -78,8 +78,7 @@ TEST_F(KeyframeInsertionTest, AProposalFromAnOldWorldIsMovedIntoTheNew) {
   SimilarityTransform total;
   for (const SimilarityTransform& move : {SimilarityTransform(3.0, exp_so3({0.2, 1.0, -0.5}), {1, 2, 3}),
                                           SimilarityTransform(0.4, exp_so3({0, 0, 2.0}), {-1, 0, 0})}) {
-    shared_.write([&](Map& m) { m.transform_world(move); });
-    shared_.note_world_change(move);
+    shared_.move_world(move);
     total = move * total;
   }
   shared_.publish();
@@ -94,7 +93,7 @@ TEST_F(KeyframeInsertionTest, AProposalFromAnOldWorldIsMovedIntoTheNew) {
 
 TEST_F(KeyframeInsertionTest, AProposalFromAnOldMapIsRefused) {
   const KeyframeProposal old = proposal();
-  shared_.note_new_map();
+  shared_.replace_map(shared_.copy().map);
   shared_.publish();
   EXPECT_FALSE(insert(old));
   EXPECT_EQ(test::copy_of(shared_).keyframes.size(), 2);

@@ -78,8 +78,7 @@ class TrackerTest : public testing::Test {
         InitialisationReply reply;
         reply.ok = ok;
         if (ok) {
-          map_.write([](Map& m) { m = true_desk(); });
-          map_.note_new_map();
+          map_.replace_map(true_desk());
           map_.publish();
           reply.second_from_world = views().camera_from_world(kSecondKey);
         } else {
@@ -249,8 +248,7 @@ TEST_F(TrackerTest, AMovedWorldIsFollowedWithoutAJump) {
                                        {1.0, exp_so3({0, 2.0, 0}), {0.1, 0, 0}}};
   int view = 14;
   for (const SimilarityTransform& move : moves) {
-    map_.write([&](Map& m) { m.transform_world(move); });
-    map_.note_world_change(move);
+    map_.move_world(move);
     map_.publish();
     total = move * total;
     for (int k = 0; k < 3; ++k, ++view) {
@@ -262,8 +260,7 @@ TEST_F(TrackerTest, AMovedWorldIsFollowedWithoutAJump) {
   }
   // Two moves between two frames.
   for (const SimilarityTransform& move : {moves[0], moves[1]}) {
-    map_.write([&](Map& m) { m.transform_world(move); });
-    map_.note_world_change(move);
+    map_.move_world(move);
     total = move * total;
   }
   map_.publish();
@@ -274,8 +271,7 @@ TEST_F(TrackerTest, AMovedWorldIsFollowedWithoutAJump) {
 TEST_F(TrackerTest, AResetMapIsStartedAnew) {
   start();
   for (int i = kSecondKey + 1; i < 14; ++i) track(i);
-  map_.write([](Map& m) { m.clear(); });
-  map_.note_new_map();
+  map_.replace_map({});
   map_.publish();
   const TrackingResult r = track(14);
   EXPECT_EQ(r.state, TrackingState::waiting);
@@ -356,8 +352,7 @@ TEST_F(AutomaticTrackerTest, NeedsNoKey) {
       ASSERT_NE(request, nullptr);
       EXPECT_TRUE(request->automatic);
       ++requests_;
-      map_.write([](Map& m) { m = true_desk(); });
-      map_.note_new_map();
+      map_.replace_map(true_desk());
       map_.publish();
       InitialisationReply reply;
       reply.ok = true;
@@ -387,8 +382,7 @@ TEST(Tracker, TheSameFramesGiveTheSamePosesToTheLastBit) {
       while (auto message = inbox.try_pop()) {
         auto* request = std::get_if<InitialisationRequest>(&*message);
         if (!request) continue;
-        map.write([](Map& m) { m = true_desk(); });
-        map.note_new_map();
+        map.replace_map(true_desk());
         map.publish();
         InitialisationReply reply;
         reply.ok = true;

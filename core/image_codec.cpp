@@ -1,4 +1,4 @@
-#include "camera/recording_codec.h"
+#include "core/image_codec.h"
 
 #include <zstd.h>
 
@@ -40,7 +40,7 @@ void difference_row(const cv::Vec3b* colour, const std::uint8_t* grey, int chann
 
 }  // namespace
 
-struct RecordingCodec::Contexts {
+struct ImageCodec::Contexts {
   ZSTD_CCtx* pack = ZSTD_createCCtx();
   ZSTD_DCtx* unpack = ZSTD_createDCtx();
   Contexts() = default;
@@ -52,10 +52,10 @@ struct RecordingCodec::Contexts {
   }
 };
 
-RecordingCodec::RecordingCodec() : contexts_(std::make_unique<Contexts>()) {}
-RecordingCodec::~RecordingCodec() = default;
+ImageCodec::ImageCodec() : contexts_(std::make_unique<Contexts>()) {}
+ImageCodec::~ImageCodec() = default;
 
-void RecordingCodec::pack(std::string* bytes) {
+void ImageCodec::pack(std::string* bytes) {
   const std::size_t before = bytes->size(), bound = ZSTD_compressBound(residuals_.size());
   bytes->resize(before + bound);
   const std::size_t size = ZSTD_compressCCtx(contexts_->pack, bytes->data() + before, bound, residuals_.data(),
@@ -64,14 +64,14 @@ void RecordingCodec::pack(std::string* bytes) {
   bytes->resize(before + size);
 }
 
-bool RecordingCodec::unpack(std::span<const std::uint8_t> bytes, std::size_t expected) {
+bool ImageCodec::unpack(std::span<const std::uint8_t> bytes, std::size_t expected) {
   residuals_.resize(expected);
   const std::size_t size =
       ZSTD_decompressDCtx(contexts_->unpack, residuals_.data(), residuals_.size(), bytes.data(), bytes.size());
   return !ZSTD_isError(size) && size == expected;
 }
 
-void RecordingCodec::pack_grey(const GreyImage& grey, std::string* bytes) {
+void ImageCodec::pack_grey(const GreyImage& grey, std::string* bytes) {
   residuals_.resize(grey.total());
   auto* out = reinterpret_cast<std::uint8_t*>(residuals_.data());
   for (int y = 0; y < grey.rows; ++y)
@@ -80,7 +80,7 @@ void RecordingCodec::pack_grey(const GreyImage& grey, std::string* bytes) {
   pack(bytes);
 }
 
-bool RecordingCodec::unpack_grey(std::span<const std::uint8_t> bytes, cv::Size size, GreyImage* grey) {
+bool ImageCodec::unpack_grey(std::span<const std::uint8_t> bytes, cv::Size size, GreyImage* grey) {
   if (!unpack(bytes, static_cast<std::size_t>(size.area()))) return false;
   grey->create(size);
   const auto* in = reinterpret_cast<const std::uint8_t*>(residuals_.data());
@@ -90,7 +90,7 @@ bool RecordingCodec::unpack_grey(std::span<const std::uint8_t> bytes, cv::Size s
   return true;
 }
 
-void RecordingCodec::pack_colour(const cv::Mat3b& colour, const GreyImage& grey, std::string* bytes) {
+void ImageCodec::pack_colour(const cv::Mat3b& colour, const GreyImage& grey, std::string* bytes) {
   if (colour.empty()) return;
   PARALLAX_CHECK(colour.size() == grey.size(), "a colour image of another size than the grey one");
   const int width = grey.cols;
@@ -107,7 +107,7 @@ void RecordingCodec::pack_colour(const cv::Mat3b& colour, const GreyImage& grey,
   pack(bytes);
 }
 
-bool RecordingCodec::unpack_colour(std::span<const std::uint8_t> bytes, const GreyImage& grey, cv::Mat3b* colour) {
+bool ImageCodec::unpack_colour(std::span<const std::uint8_t> bytes, const GreyImage& grey, cv::Mat3b* colour) {
   if (!unpack(bytes, 3 * grey.total())) return false;
   const int width = grey.cols;
   colour->create(grey.size());

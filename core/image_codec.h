@@ -1,4 +1,4 @@
-// Lossless compression of the images of a recording: each pixel is foretold from its neighbours to the left and above,
+// Lossless compression of images (recordings, map files): each pixel is foretold from its neighbours to the left and above,
 // and zstd packs what is left. Colour is foretold from grey first, of which it is mostly made.
 #pragma once
 
@@ -14,12 +14,12 @@
 namespace parallax {
 
 // Not thread-safe: keeps its tables and scratch between images.
-class RecordingCodec {
+class ImageCodec {
  public:
-  RecordingCodec();
-  ~RecordingCodec();
-  RecordingCodec(const RecordingCodec&) = delete;
-  RecordingCodec& operator=(const RecordingCodec&) = delete;
+  ImageCodec();
+  ~ImageCodec();
+  ImageCodec(const ImageCodec&) = delete;
+  ImageCodec& operator=(const ImageCodec&) = delete;
 
   // Appends the packed image. Colour may be empty (nothing is appended then), else it is of grey's size.
   void pack_grey(const GreyImage& grey, std::string* bytes);
