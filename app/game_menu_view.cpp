@@ -134,7 +134,18 @@ MenuChoice draw_cards(const GameMenuView& view, GameMenu* menu, GameStore* store
 MenuChoice draw_explanation(const GameMenuView& view, GameMenu* menu, GameStore* store) {
   const GameInfo& info = menu->games()[menu->selected()].info;
   large_text(info.title);
-  for (const std::string& line : info.explanation) ImGui::TextUnformatted(line.c_str());
+  // The picture beside the lines, where there is room for it.
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  float width = 0;
+  for (const std::string& line : info.explanation) {
+    ImGui::TextUnformatted(line.c_str());
+    width = std::max(width, text_extent(line).x);
+  }
+  void* picture = menu->selected() < view.pictures.size() ? view.pictures[menu->selected()] : nullptr;
+  const float left = at.x + width + 1.5f * unit(), right = at.x + ImGui::GetContentRegionAvail().x;
+  const float across = std::min(right - left, (ImGui::GetCursorScreenPos().y - at.y) / 0.75f);
+  if (picture != nullptr && across > 6 * unit())
+    ImGui::GetWindowDrawList()->AddImage(picture, {right - across, at.y}, {right, at.y + 0.75f * across});
   ImGui::Spacing();
   ImGui::Separator();
   if (ImGui::BeginTable("controls", 3, ImGuiTableFlags_SizingFixedFit)) {
@@ -207,6 +218,7 @@ MenuChoice draw_settings(const GameMenuView& view, GameMenu* menu, GameStore* st
   ImGui::Spacing();
   const MenuChoice choice = draw_buttons(menu, store);
   ImGui::SameLine(0, unit());
+  ImGui::SetCursorPosY(ImGui::GetCursorPosY() + 0.5f * (kButton - 1) * unit());
   quiet_text(view.gamepad ? "Cross: choose and change   B: back"
                           : "Up, down: choose   Left, right: change   Escape: back");
   return choice;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <limits>
 
 #include "mapper/homography.h"
 
@@ -51,8 +50,9 @@ double angle_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 }
 
 // Median angle between the two sights of the same places when the rotation has been taken away that a plane's
-// homography gives: what a slide gives, however the camera was turned meanwhile. Of the rotations that explain the
-// homography, the one that leaves less. Zero when the trails do not give one.
+// homography gives: what a slide gives, however the camera was turned meanwhile. Of the two motions that explain the
+// homography, the one whose plane faces the camera more: the other one's lies along the movement, edge on. Zero when
+// the trails do not give one.
 double planar_parallax_deg(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to) {
   std::vector<Eigen::Vector3d> rays1, rays2;
   for (std::size_t i = 0; i < from.size(); ++i) {
@@ -78,17 +78,20 @@ double planar_parallax_deg(const std::vector<Eigen::Vector3d>& from, const std::
   }
   std::array<PlanarPose, 4> poses;
   const int count = decompose_homography(H, &poses);
-  double least = std::numeric_limits<double>::infinity();
-  std::vector<double> angles(from.size());
+  const PlanarPose* seen = nullptr;
+  double most_facing = 0;
   for (int k = 0; k < count; ++k) {
     const PlanarPose& pose = poses[static_cast<std::size_t>(k)];
-    const auto in_front = std::count_if(rays1.begin(), rays1.end(),
-                                        [&](const Eigen::Vector3d& ray) { return plane_in_front(pose, ray); });
-    if (2 * in_front < static_cast<std::ptrdiff_t>(rays1.size())) continue;
-    for (std::size_t i = 0; i < from.size(); ++i) angles[i] = angle_deg(pose.second_from_first.R * from[i], to[i]);
-    least = std::min(least, median(angles));
+    std::vector<double> facing(rays1.size());
+    for (std::size_t i = 0; i < rays1.size(); ++i) facing[i] = pose.normal.dot(rays1[i].normalized());
+    if (!(median(facing) > most_facing)) continue;
+    most_facing = median(facing);
+    seen = &pose;
   }
-  return std::isfinite(least) ? least : 0;
+  if (seen == nullptr) return 0;
+  std::vector<double> angles(from.size());
+  for (std::size_t i = 0; i < from.size(); ++i) angles[i] = angle_deg(seen->second_from_first.R * from[i], to[i]);
+  return median(angles);
 }
 
 std::string sentence(std::string text) {
