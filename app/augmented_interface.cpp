@@ -110,7 +110,7 @@ void draw_hint(ImDrawList* list, const AugmentedInterface& view) {
   const float unit = ImGui::GetFontSize(), top = a.y + 0.6f * unit, centre = a.x + a.width / 2;
   const TrackingResult& tracked = *view.tracked;
   if (tracked.state == TrackingState::lost) {
-    text_box(list, a, centre, top, "Lost: move the camera back to where it has been.", kRed, 0, 0);
+    if (view.lost_text) text_box(list, a, centre, top, "Lost: move the camera back to where it has been.", kRed, 0, 0);
     if (view.lost_picture != nullptr) {
       const float width = kPictureWidth * a.width, height = width / std::max(view.lost_picture_aspect, 0.1f);
       const float right = a.x + a.width - 0.6f * unit, bottom = a.y + a.height - (kStripHeights + 0.6f) * unit;

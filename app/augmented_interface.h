@@ -46,7 +46,8 @@ struct AugmentedInterface {
   void* lost_picture = nullptr;
   float lost_picture_aspect = 4.0f / 3;  // width over height
   bool state_line = true, legend = true, labels = true, hint = true;
-  bool times = true;  // milliseconds in the state line
+  bool lost_text = true;  // the words of the hint when lost: a game says them in its own place
+  bool times = true;      // milliseconds in the state line
 };
 
 void draw_augmented_interface(const AugmentedInterface& view);

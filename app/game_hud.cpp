@@ -12,6 +12,7 @@ constexpr ImU32 kHairsEdge = IM_COL32(0, 0, 0, 160);
 // Of the picture's height: the arms of the cross-hairs.
 constexpr float kHairsLength = 0.035f, kHairsGap = 0.012f;
 constexpr float kBig = 2.0f;      // of the font: score and messages
+constexpr float kHuge = 4.0f;     // the count-down
 constexpr float kGaugeWidth = 7;  // in heights of the font
 
 void shaded_text(ImDrawList* list, float x, float y, float size, const std::string& text, float wrap = 0) {
@@ -61,7 +62,8 @@ void draw_game_hud(const GameHudView& view) {
   // One thing at a time in the middle: why nothing moves, before what the game says.
   const std::string& middle = view.status.empty() ? view.hud.message : view.status;
   if (middle.empty()) return;
-  const float size = middle.size() <= 24 ? kBig * unit : 1.25f * unit, wrap = 0.8f * a.width;
+  const float lines = middle.size() <= 2 ? kHuge : middle.size() <= 24 ? kBig : 1.25f;
+  const float size = lines * unit, wrap = 0.8f * a.width;
   const ImVec2 extent = text_extent(middle, size, wrap);
   const float top = a.y + 0.3f * a.height - extent.y / 2;
   shaded_text(list, a.x + (a.width - extent.x) / 2, top, size, middle, wrap);

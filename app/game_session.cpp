@@ -213,4 +213,8 @@ std::string GameSession::status() const {
   return "";
 }
 
+std::string GameSession::advice() const {
+  return runner_.phase() == GamePhase::lost ? "move the camera back to where it has been" : "";
+}
+
 }  // namespace parallax

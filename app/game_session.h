@@ -73,6 +73,8 @@ class GameSession {
   const std::optional<PlayingField>& field() const { return field_.field(); }
   // Why nothing is played: "map the table first", "tracking is lost"...; empty while it is played.
   std::string status() const;
+  // What the player can do about it, where that is not clear.
+  std::string advice() const;
 
  private:
   void begin();

@@ -100,17 +100,41 @@ void LiveEngine::begin(const CameraModel& lens, bool estimated, const std::strin
   } catch (const std::exception&) {
     // What the session before failed of was told when it happened (LiveSession::take_failure).
   }
+  run_options_.initial_map.reset();
+  MapSaverOptions saving;
+  try {
+    saving = begin_map_file(options_.map, lens, &run_options_);
+  } catch (const InputError&) {
+    // A map of the lens before does not fit a new one: it stays, and the next goes beside it.
+    if (!begun_) throw;
+    saving = begin_map_file(next_map_path(options_.map), lens, &run_options_);
+  }
+  begun_ = true;
   std::unique_ptr<SessionRecorder> recorder;
-  if (!record_path.empty()) recorder = open_recorder(record_path, source());
+  if (!record_path.empty()) recorder = open_recorder(record_path, source(), saving);
   lens_ = lens;
   estimated_ = estimated;
   record_path_ = record_path;
   const std::shared_ptr<LiveCamera> tap = feed_->tap();
   session_ = std::make_unique<LiveSession>(tap, lens, run_options_, std::move(recorder), [tap] { tap->stop(); });
+  if (!saving.path.empty()) {
+    saver_ = std::make_unique<MapSaver>(saving, [session = session_.get()] { return session->copy_map_and_world(); });
+  }
 }
 
 void LiveEngine::end() {
-  if (const std::unique_ptr<LiveSession> session = std::move(session_)) last_result_ = session->stop();
+  const std::unique_ptr<LiveSession> session = std::move(session_);
+  const std::unique_ptr<MapSaver> saver = std::move(saver_);
+  if (!session) return;
+  // Whatever the session failed of, its map is kept.
+  std::exception_ptr failure;
+  try {
+    last_result_ = session->stop();
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  if (saver) saver->finish();
+  if (failure) std::rethrow_exception(failure);
 }
 
 }  // namespace parallax

@@ -38,7 +38,8 @@ class LiveEngine {
   const std::string& opening_remark() const { return opening_remark_; }
 
   // Begins a session with this lens; what was mapped before is forgotten. `estimated`: the lens is a guess.
-  // `record_path` empty: no recording. Throws RunError when the recording cannot be made.
+  // `record_path` empty: no recording. Throws RunError when the recording cannot be made, and InputError when the map
+  // file that was asked for cannot be gone on with.
   void begin(const CameraModel& lens, bool estimated, const std::string& record_path);
   // Ends the session; what it was is kept in last_result().
   void end();
@@ -46,6 +47,10 @@ class LiveEngine {
   const CameraModel& lens() const { return lens_; }
   bool lens_is_estimated() const { return estimated_; }
   const std::string& record_path() const { return record_path_; }
+  // Keeps the map of the session in a file; null: it is not kept.
+  MapSaver* saver() const { return saver_.get(); }
+  // What the session began with; null: with no map.
+  const std::shared_ptr<const MapDocument>& initial_map() const { return run_options_.initial_map; }
   const RunOptions& run_options() const { return run_options_; }
   const std::optional<RunResult>& last_result() const { return last_result_; }
 
@@ -57,8 +62,10 @@ class LiveEngine {
   std::future<std::pair<LiveSource, std::string>> opening_;
   std::unique_ptr<LiveFeed> feed_;
   std::unique_ptr<LiveSession> session_;
+  std::unique_ptr<MapSaver> saver_;  // of the session: goes first
   CameraModel lens_;
   bool estimated_ = false;
+  bool begun_ = false;
   std::string opening_remark_, record_path_;
   std::optional<RunResult> last_result_;
 };

@@ -245,7 +245,7 @@ void LiveGames::draw(const LiveFrame& frame, DrawList* out) {
 void LiveGames::draw_interface(const PictureArea& area, const KeyBindings& keys) const {
   if (!session_ || menu_is_open()) return;
   const Game& game = session_->runner().game();
-  GameHudView view{area, game.info().title, game.hud(), session_->status()};
+  GameHudView view{area, game.info().title, game.hud(), session_->status(), session_->advice()};
   if (session_->runner().phase() == GamePhase::over) {
     view.status += ": " + std::to_string(view.hud.score);
     if (!place_.empty()) view.status += ", " + place_;

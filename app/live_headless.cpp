@@ -103,16 +103,22 @@ int run_live_headless(const LiveOptions& options) {
   }
   RunResult result;
   OutputSteps steps;
+  bool drawn = false;  // every picture of the video
   {
     LiveSession session(frames, lens, run_options, std::move(recorder), [source] { source.stop(); });
     std::unique_ptr<MapSaver> saver;
     if (!options.map.empty()) saver = std::make_unique<MapSaver>(saving, [&] { return session.copy_map_and_world(); });
     watch(options, limited_by_count, &session, drawing.get(), saver.get(), &steps);
     result = session.stop();
+    drawn = !steps.failed();
     if (saver) steps([&] { saver->finish(); });
   }
-  if (drawing) steps([&] { drawing->close(); });
-  const bool video_written = !options.video.empty() && !steps.failed();
+  bool video_written = false;
+  if (drawing)
+    steps([&] {
+      drawing->close();
+      video_written = drawn;
+    });
   for (const SourceWarning& w : result.warnings) std::cerr << "parallax: warning: " << w.text << '\n';
   write_live_outputs(options, source, run_options, lens, result, &steps);
   std::cout << summary_text(result);

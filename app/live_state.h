@@ -34,7 +34,7 @@ struct LivePanels {
 // What a panel asks the window to do, once.
 struct LiveRequests {
   bool reset = false, screenshot = false, video = false, record = false, measure = false, find_plane = false,
-       marker = false, first_run = false, calibrate = false;
+       marker = false, first_run = false, calibrate = false, print_marker = false;
   std::optional<double> scale;
 };
 

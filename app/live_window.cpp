@@ -285,6 +285,7 @@ void LiveWindow::draw_interface(const Picture& picture) {
       view.lost_picture_aspect = static_cast<float>(image.cols) / static_cast<float>(image.rows);
     }
   }
+  view.lost_text = !games_.playing();
   draw_augmented_interface(view);
   if (shown_->map && !shown_->map->empty()) games_.draw_interface(picture.area, state_.settings.keys);
 }

@@ -83,6 +83,7 @@ class LiveWindow {
   void toggle_recording();
   void ask_scale(double factor, const std::string& said);
   void look_for_marker();
+  void print_marker();
   void end_task();
   void drop_task();
   void begin_calibration();

@@ -2,6 +2,7 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <opencv2/imgproc.hpp>
 #include <utility>
 
 #include "app/live_window.h"
@@ -30,6 +31,7 @@ void LiveWindow::serve_requests() {
   if (wanted.screenshot) screenshot_wanted_ = true;
   if (wanted.video) toggle_video();
   if (wanted.calibrate) begin_calibration();
+  if (wanted.print_marker) print_marker();
   if (session == nullptr) return;
   if (wanted.record) return toggle_recording();
   if (wanted.reset) reset_map();
@@ -139,6 +141,17 @@ void LiveWindow::toggle_recording() {
 void LiveWindow::ask_scale(double factor, const std::string& said) {
   if (engine_.session() == nullptr) return;
   edits_.push_back({engine_.session()->edit(ScaleEdit{factor}), said});
+}
+
+void LiveWindow::print_marker() {
+  try {
+    cv::Mat3b sheet;
+    cv::cvtColor(marker_sheet(), sheet, cv::COLOR_GRAY2BGR);
+    state_.toasts.add("print " + save_screenshot(sheet, state_.picture_folder) +
+                      ", measure the black square, and type its side");
+  } catch (const std::exception& e) {
+    state_.toasts.add(e.what(), true);
+  }
 }
 
 // On a thread of its own: it looks at every keyframe.

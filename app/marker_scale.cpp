@@ -172,6 +172,15 @@ void MarkerOptions::validate() const {
   check("max_residual_px", max_residual_px);
 }
 
+GreyImage marker_sheet(int id) {
+  constexpr int kSide_px = 600;  // 100 a square of the pattern, black border included
+  GreyImage sheet(3 * kSide_px, 3 * kSide_px, uchar(255));
+  cv::Mat1b marker;
+  cv::aruco::drawMarker(cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50), id, kSide_px, marker, 1);
+  marker.copyTo(sheet(cv::Rect(kSide_px, kSide_px, kSide_px, kSide_px)));
+  return sheet;
+}
+
 std::vector<DetectedMarker> detect_markers(const GreyImage& image) {
   std::vector<DetectedMarker> out;
   if (image.empty()) return out;

@@ -32,6 +32,10 @@ struct DetectedMarker {
 };
 std::vector<DetectedMarker> detect_markers(const GreyImage& image);
 
+// A sheet to print: the marker `id` (0 to 49) in the middle third of a white square. Its side is measured with a ruler
+// once it is printed.
+GreyImage marker_sheet(int id = 0);
+
 struct MarkerSighting {
   RigidTransform camera_from_world;
   DetectedMarker marker;

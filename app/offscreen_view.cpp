@@ -43,6 +43,7 @@ cv::Mat3b OffscreenView::draw(const Frame& frame, const TrackingResult& tracked,
   view.remark = remark;
   view.hints = hints_;
   view.times = false;
+  view.lost_text = !extra.interface;
   if (tracked.state == TrackingState::lost && map != nullptr) {
     const auto pose = memory_.last_pose(*map);
     const SnapshotKeyframe* keyframe = pose ? nearest_keyframe(*map, *pose) : nullptr;

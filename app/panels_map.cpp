@@ -33,6 +33,10 @@ void draw_map_panel(LiveState* state, LiveEngine* engine, const LiveFrame* frame
   if (ImGui::Button("Two points and their distance")) state->requests.measure = true;
   ImGui::SetNextItemWidth(6 * ImGui::GetFontSize());
   ImGui::InputDouble("cm: side of a marker", &state->marker_cm, 0, 0, "%.2f");
+  ImGui::EndDisabled();
+  ImGui::SameLine();
+  if (ImGui::Button("Print")) state->requests.print_marker = true;
+  ImGui::BeginDisabled(!mapped);
   if (ImGui::Button("Take the scale from the marker")) state->requests.marker = true;
   ImGui::Separator();
   if (ImGui::Button("Forget the map")) state->requests.reset = true;

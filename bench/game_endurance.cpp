@@ -168,7 +168,10 @@ class Trial {
     if (frames_ % 8 == 0) check();
     if (frames_ % 211 == 0) check_picture();
     if (runner_.phase() == GamePhase::over) ++counts_.over, start();
-    if (is_glass() && in_game_ > glass_minutes_ * 60 * kGameTicksPerSecond) check_glass(), start();
+    if (in_game_ > most_minutes_ * 60 * kGameTicksPerSecond) {
+      if (is_glass()) check_glass();
+      start();
+    }
   }
 
  private:
@@ -186,7 +189,7 @@ class Trial {
     ++counts_.games;
     since_progress_ = in_game_ = 0;
     last_score_ = 0;
-    glass_minutes_ = random_.between(2, 30);
+    most_minutes_ = random_.between(2, 40);
   }
 
   void tell_field() { runner_.change_field(desk_.field()); }
@@ -323,7 +326,7 @@ class Trial {
   std::string progress_;
   int held_ = 0;
   std::int64_t since_progress_ = 0, in_game_ = 0, frames_ = 0, last_score_ = 0;
-  double glass_minutes_ = 10;
+  double most_minutes_ = 10;
 };
 
 // False when anything was found.

@@ -1,12 +1,13 @@
 // Saving and loading a large map: 150 keyframes of 640x480 pixels with 10,000 points, each seen by 20 of them, and how
 // long the map's lock is held for the copy that is saved. The images are rendered.
+#include "map/map_file.h"
+
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <random>
 
 #include "camera/frame_source.h"
-#include "map/map_file.h"
 #include "map/shared_map.h"
 #include "map/source_patch.h"
 #include "render/synthetic_source.h"

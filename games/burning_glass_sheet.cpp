@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kStableShare = 0.9;  // of the bound
 // Patches of the sheet (cells across) in which the glow runs on; less than half of all, so that it never runs far.
-constexpr float kPatch = 6, kCarriedFrom = 0.52f, kCarriedFully = 0.64f;
+constexpr float kPatch = 6, kCarriedFrom = 0.56f, kCarriedFully = 0.68f;
 constexpr std::size_t kFreshMost = 32;
 
 double diffusivity_in_cells(const Material& material) {

@@ -87,6 +87,14 @@ int Content::add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, st
   return add(std::move(item));
 }
 
+void Content::restore(const std::vector<ContentItem>& saved) {
+  for (const ContentItem& item : saved) {
+    const bool taken = item.id < next_id_;
+    if (!taken) next_id_ = item.id;
+    add(item);
+  }
+}
+
 Content::Anchored* Content::anchored(int id) {
   const auto it = std::find_if(anchored_.begin(), anchored_.end(), [id](const Anchored& a) { return a.item.id == id; });
   return it == anchored_.end() ? nullptr : &*it;

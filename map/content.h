@@ -50,6 +50,9 @@ class Content {
   int add_model(std::string name, const RigidTransform& world_from_item, double size_m);
   int add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, std::string text = {});
 
+  // Puts saved items on the present map, in the world that was last followed. Identifiers are kept where they are free.
+  void restore(const std::vector<ContentItem>& saved);
+
   // Each is false when there is no such item on the present map.
   bool move(int id, const RigidTransform& world_from_item);  // scale is kept
   bool move(int id, const Eigen::Vector3d& position);        // direction is kept

@@ -102,6 +102,11 @@ TEST(MarkerScale, FindsTheCornersOfARenderedMarker) {
     }
   }
   EXPECT_TRUE(detect_markers(GreyImage(480, 640, uchar(128))).empty());
+  // What the program gives to print is what it finds.
+  const auto printed = detect_markers(marker_sheet(7));
+  ASSERT_EQ(printed.size(), 1u);
+  EXPECT_EQ(printed[0].id, 7);
+  EXPECT_NEAR((printed[0].corners_px[1] - printed[0].corners_px[0]).norm(), 600, 2);
   EXPECT_TRUE(detect_markers({}).empty());
 }
 

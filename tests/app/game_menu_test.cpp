@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "app/game_controls.h"
 #include "app/game_palette.h"
@@ -149,7 +150,8 @@ TEST(GameSettings, NothingBreaksOnWhatWasKeptWrongly) {
   store.settings["burning_glass"] = {{"material", 99}, {"focal_length", -5}, {"lens_diameter", std::nan("")}};
   for (const GameSettingRow& row : game_setting_rows(store, info)) {
     EXPECT_FALSE(row.value.empty()) << row.label;
-    if (row.share) EXPECT_TRUE(*row.share >= 0 && *row.share <= 1) << row.label;
+    EXPECT_GE(row.share.value_or(0), 0) << row.label;
+    EXPECT_LE(row.share.value_or(0), 1) << row.label;
   }
 }
 

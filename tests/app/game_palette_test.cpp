@@ -119,12 +119,14 @@ TEST(GamePalette, TheFilterChangesWhatTheGameDrewOnly) {
   mesh->vertices[0].colour = drawn.colour(Role::green);
   mesh->indices = {0, 1, 2};
   DrawList list;
-  list.sprites.push_back({{}, 1, drawn.colour(Role::orange), false});  // somebody else's
+  Sprite spark;
+  spark.colour = drawn.colour(Role::orange);
+  list.sprites.push_back(spark);  // somebody else's
   const DrawnBefore before = DrawnBefore::of(list);
   const auto draw = [&] {
     list.meshes = {MeshInstance{mesh, Eigen::Affine3f::Identity(), drawn.colour(Role::sky), 0, true}};
     list.sprites.resize(1);
-    list.sprites.push_back({{}, 1, drawn.colour(Role::orange), false});
+    list.sprites.push_back(spark);
   };
   PaletteFilter filter;
   draw();

@@ -71,10 +71,10 @@ TEST_P(Detection, FindsEveryPointWhereItIs) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Targets, Detection,
-                         ::testing::Values(Case{TargetKind::chessboard, 9, 6, 0.08},
-                                           Case{TargetKind::chessboard, 8, 6, 0.08},
-                                           Case{TargetKind::charuco, 9, 6, 0.12}, Case{TargetKind::circles, 8, 6, 0.08},
-                                           Case{TargetKind::asymmetric_circles, 4, 11, 0.08},
+                         ::testing::Values(Case{TargetKind::chessboard, 9, 6, 0.035},
+                                           Case{TargetKind::chessboard, 8, 6, 0.035},
+                                           Case{TargetKind::charuco, 9, 6, 0.12}, Case{TargetKind::circles, 8, 6, 0.02},
+                                           Case{TargetKind::asymmetric_circles, 4, 11, 0.02},
                                            Case{TargetKind::squares, 6, 5, 0.25}));
 
 TEST(Detection, SeesACharucoBoardInPart) {

@@ -132,5 +132,30 @@ TEST(Content, IsParkedWhenTheMapIsMadeAnew) {
   EXPECT_EQ(content.find(second), nullptr);
 }
 
+// What was saved in a world is put back in it; new items get numbers of their own.
+TEST(Content, IsRestored) {
+  Content first;
+  const int label = first.add_label("cup", {1, 2, 3}, {0, 0, 1});
+  first.add_model("tower", RigidTransform(exp_so3({0, 0, 1}), {0, 1, 0}), 0.2);
+  first.erase(label);
+  first.add_line({0, 0, 0}, {1, 0, 0}, "edge");
+  Content second;
+  second.follow(3, SimilarityTransform(2, exp_so3({0.1, 0, 0}), {0, 0, 5}));
+  second.restore(first.items());
+  ASSERT_EQ(second.items().size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(second.items()[i].id, first.items()[i].id);
+    EXPECT_EQ(second.items()[i].text, first.items()[i].text);
+    EXPECT_EQ(second.items()[i].world_from_item.t, first.items()[i].world_from_item.t);
+    EXPECT_EQ(second.items()[i].size_m, first.items()[i].size_m);
+    EXPECT_EQ(second.items()[i].end_in_item, first.items()[i].end_in_item);
+  }
+  const int added = second.add_label("new", {0, 0, 0}, {0, 0, 1});
+  EXPECT_GT(added, first.items().back().id);
+  // They follow the world as all content does.
+  second.follow(3, SimilarityTransform(4, exp_so3({0.1, 0, 0}), {0, 0, 5}));
+  EXPECT_NEAR(second.items()[0].world_from_item.s, 2, 1e-12);
+}
+
 }  // namespace
 }  // namespace parallax
