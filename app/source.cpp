@@ -46,12 +46,16 @@ std::unique_ptr<FrameSource> make_limited(std::shared_ptr<FrameSource> source, i
   return std::make_unique<LimitedSource>(std::move(source), max_frames);
 }
 
+std::unique_ptr<FrameSource> open_frames(const std::string& source, const SourceOptions& options) {
+  if (names_camera(source)) throw InputError(source + ": found a camera, expected a recording");
+  if (source.starts_with(kSynthetic)) return open_synthetic_source(source, options);
+  return open_frame_source(source, options);
+}
+
 OpenedSource open_source(const std::string& source, const std::string& calibration_path, const SourceOptions& options) {
   OpenedSource out;
   std::optional<CameraModel> remembered;
-  if (source.starts_with(kSynthetic)) {
-    out.frames = open_synthetic_source(source, options);
-  } else if (names_camera(source)) {
+  if (names_camera(source)) {
     LiveCameraOptions camera_options;
     camera_options.colour = options.colour;
     std::shared_ptr<LiveCamera> camera = open_live_camera(source, camera_options);
@@ -61,7 +65,7 @@ OpenedSource open_source(const std::string& source, const std::string& calibrati
                        "`");
     out.frames = make_limited(std::move(camera), options.max_frames);
   } else {
-    out.frames = open_frame_source(source, options);
+    out.frames = open_frames(source, options);
   }
   if (!calibration_path.empty()) {
     out.camera = read_calibration(calibration_path);

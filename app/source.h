@@ -25,6 +25,9 @@ struct OpenedSource {
 // Throws InputError when there is none. A camera is read until options.max_frames.
 OpenedSource open_source(const std::string& source, const std::string& calibration_path, const SourceOptions& options);
 
+// Frames only, with no calibration: anything but a camera.
+std::unique_ptr<FrameSource> open_frames(const std::string& source, const SourceOptions& options);
+
 // A source for `live`: a camera, the synthetic desk held by the user, or a recording.
 struct LiveSource {
   std::shared_ptr<FrameSource> frames;

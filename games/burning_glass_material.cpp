@@ -40,7 +40,7 @@ Material paper() {
   // Smouldering cellulose gets to 450 to 600 degrees Celsius (Ohlemiller, Smoldering Combustion, SFPE Handbook of Fire
   // Protection Engineering).
   out.smoulder_k = 520;
-  out.spread_k = 260;  // with the others an eighth of cellulose's heat of combustion, 16 MJ/kg: most of it is lost
+  out.spread_k = 500;  // with the others a fifth of cellulose's heat of combustion, 16 MJ/kg: most of it is lost
   out.unevenness = 0.22;
   out.smoke = 0.9;
   out.sparks = 0.15;

@@ -9,9 +9,10 @@
 namespace parallax::burning {
 namespace {
 
-constexpr double kStableShare = 0.9;  // of the bound
-// Patches of the sheet (cells across) in which the glow runs on; less than half of all, so that it never runs far.
-constexpr float kPatch = 6, kCarriedFrom = 0.56f, kCarriedFully = 0.68f;
+constexpr double kStableShare = 0.9;    // of the bound
+constexpr double kHandedOn = 0.95;      // of a char, by a glow that runs on in the dark
+constexpr double kGlowPerSecond = 1.5;  // share of a full char, at the most, by that glow
+constexpr float kLit = 1;               // suns: more is not the dark
 constexpr std::size_t kFreshMost = 32;
 
 double diffusivity_in_cells(const Material& material) {
@@ -27,14 +28,11 @@ void Sheet::clear(std::uint64_t seed) {
   next_.assign(kSheetSize, 0.0f);
   char_.assign(kSheetSize, 0);
   unevenness_.resize(kSheetSize);
-  carries_.resize(kSheetSize);
   for (int row = 0; row < kSheetCells; ++row) {
     for (int column = 0; column < kSheetCells; ++column) {
       const float x = static_cast<float>(column), y = static_cast<float>(row);
       const float coarse = smooth_noise(x / 7, y / 7, seed), fine = lattice_noise(column, row, seed + 1);
       unevenness_[SheetGrid::index(column, row)] = 1.2f * (coarse - 0.5f) + 0.8f * (fine - 0.5f);  // -1..1
-      carries_[SheetGrid::index(column, row)] = std::clamp(
-          (smooth_noise(x / kPatch, y / kPatch, seed + 2) - kCarriedFrom) / (kCarriedFully - kCarriedFrom), 0.0f, 1.0f);
     }
   }
   warm_ = SheetBox();
@@ -121,7 +119,18 @@ void Sheet::take_light(const Material& material, const LightOnSheet& light, doub
   }
 }
 
-void Sheet::burn(const Material& material, double dt_s) {
+// As far as the glow can char a cell in the dark: a little less than the most charred of its neighbours.
+double Sheet::most_by_glow(int column, int row) const {
+  std::uint16_t most = 0;
+  const std::size_t i = SheetGrid::index(column, row);
+  if (column > 0) most = std::max(most, char_[i - 1]);
+  if (column + 1 < kSheetCells) most = std::max(most, char_[i + 1]);
+  if (row > 0) most = std::max(most, char_[i - kSheetCells]);
+  if (row + 1 < kSheetCells) most = std::max(most, char_[i + kSheetCells]);
+  return std::max(kScorchMost, kHandedOn * most / kFullChar);
+}
+
+void Sheet::burn(const Material& material, const LightOnSheet* light, double dt_s) {
   const float ignition = static_cast<float>(material.ignition_k);
   const float uneven = static_cast<float>(material.unevenness);
   const float scorch = static_cast<float>(kScorchShare);
@@ -139,6 +148,10 @@ void Sheet::burn(const Material& material, double dt_s) {
       double rate = 0, most = 1;
       if (temperature > own_ignition) {
         rate = std::min(material.char_per_s * (temperature - own_ignition) / 100, material.char_most_per_s);
+        if (light == nullptr || light->concentration[i] < kLit) {
+          most = most_by_glow(column, row);
+          rate = std::min(rate, kGlowPerSecond);
+        }
       } else if (temperature > scorch * own_ignition) {
         rate = kScorchPerSecond;
         most = kScorchMost;
@@ -150,11 +163,11 @@ void Sheet::burn(const Material& material, double dt_s) {
       const double added = static_cast<double>(after - before) / kFullChar;
       step_.charred += added;
       step_.changed.include(column, row);
-      if (most == 1 && step_.fresh.size() < kFreshMost) step_.fresh.push_back(static_cast<int>(i));
+      if (rate > kScorchPerSecond && step_.fresh.size() < kFreshMost) step_.fresh.push_back(static_cast<int>(i));
       temperature_[i] =
           std::min(temperature + static_cast<float>(material.smoulder_k * added), static_cast<float>(kHottest_k));
-      if (most < 1 || material.spread_k <= 0) continue;
-      const float gift = static_cast<float>(material.spread_k * added) * carries_[i];
+      if (rate <= kScorchPerSecond || material.spread_k <= 0) continue;
+      const float gift = static_cast<float>(material.spread_k * added);
       if (column > 0) gifts_.push_back({i - 1, gift});
       if (column + 1 < kSheetCells) gifts_.push_back({i + 1, gift});
       if (row > 0) gifts_.push_back({i - kSheetCells, gift});
@@ -186,7 +199,7 @@ const Sheet::Step& Sheet::advance(const Material& material, const LightOnSheet* 
     reach.include(light->box);
   }
   if (!reach.empty()) find_warm(reach);
-  burn(material, dt_s);
+  burn(material, light, dt_s);
   return step_;
 }
 

@@ -4,7 +4,8 @@
 // cooling, C the light's concentration, w the warming by one sun, a the absorption, B the char, s what charring
 // gives off. Stable while 4 D dt / h^2 + k dt <= 1; longer steps are cut. No heat crosses the sheet's border.
 //
-// Where the temperature is above the ignition, char grows with the excess; just below it the sheet is scorched.
+// Where the temperature is above the ignition, char grows with the excess; just below it the sheet is scorched. In the
+// dark a cell chars a little less than its neighbours did, and gives off as much less: a glow that runs on dies out.
 //
 // Temperatures in kelvin above the room, char 0..kFullChar. A value; one thread at a time.
 #pragma once
@@ -57,10 +58,10 @@ class Sheet {
   void find_warm(const SheetBox& within);
   void conduct(const Material& material, const SheetBox& box, double dt_s);
   void take_light(const Material& material, const LightOnSheet& light, double warming, double dt_s);
-  void burn(const Material& material, double dt_s);
+  double most_by_glow(int column, int row) const;
+  void burn(const Material& material, const LightOnSheet* light, double dt_s);
 
   std::vector<float> temperature_, next_, unevenness_;
-  std::vector<float> carries_;  // 0..1: how well a cell hands the glow on
   std::vector<std::uint16_t> char_;
   SheetBox warm_;
   struct Gift {

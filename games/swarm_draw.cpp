@@ -108,8 +108,10 @@ class Painter {
     const DrawColour tint = faded(mixed({1, 1, 1, 1}, colour_of(critter.kind, safe_), 0.35f), above ? 1 : alpha);
     const std::size_t first = out_.meshes.size();
     draw_model(model, at, tint, critter.hurt_ticks > 0 ? 0.9f : 0.1f, motion, &out_);
-    if (!above)  // nothing below the table darkens it
-      for (std::size_t i = first; i < out_.meshes.size(); ++i) out_.meshes[i].casts_shadow = false;
+    // Nothing below the table darkens it, and limbs are too thin to: a shadow for each critter, not one for each part.
+    for (std::size_t i = first; i < out_.meshes.size(); ++i)
+      out_.meshes[i].casts_shadow =
+          above && model.parts[i - first].name.rfind("leg", 0) != 0 && model.parts[i - first].name != "jaw";
     if (critter.health < critter.full_health) paint_bar(critter);
   }
   static double bulk(const Critter& critter) { return (critter.full_health - 10) / 50.0; }

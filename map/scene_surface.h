@@ -18,9 +18,10 @@ struct SceneSurface {
   double cell_m = 0;
   Eigen::Vector2d corner_m = Eigen::Vector2d::Zero();
   std::vector<float> height_m;  // rows * columns, row by row; 0 is the plane itself, never below
-  // As many, or none: where what is in a cell does not stand on the plane (a screen on its foot), how high its
-  // underside is, with nothing below; else 0.
-  std::vector<float> underside_m;
+  // As many, or none: what is filled of the space over a cell, where not all of it up to the height is (a screen on its
+  // foot). Bit k is a box from k to k + 1 times cell_m over the plane; the highest one ends at the height,
+  // which is within half a box of its top.
+  std::vector<std::uint64_t> filled;
   std::vector<std::uint8_t> known;  // as many: 1 where the plane or something on it was seen
   std::uint64_t version = 0;        // greater for every new one of a map
   int map_version = 0;              // of the map it was made from
@@ -29,7 +30,6 @@ struct SceneSurface {
   std::size_t index(int column, int row) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
   }
-  float underside(int column, int row) const { return underside_m.empty() ? 0 : underside_m[index(column, row)]; }
   bool contains(int column, int row) const { return column >= 0 && row >= 0 && column < columns && row < rows; }
   Eigen::Vector2d centre_of(int column, int row) const {
     return corner_m + cell_m * Eigen::Vector2d(column + 0.5, row + 0.5);

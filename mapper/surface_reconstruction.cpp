@@ -40,7 +40,7 @@ void SurfaceOptions::validate() const {
   want(image_width_px >= 40, "image_width_px", image_width_px, "at least 40");
   want(keyframes >= 2, "keyframes", keyframes, "at least 2");
   want(cells >= 8 && cells <= 1024, "cells", cells, "8 to 1024");
-  want(levels >= 8 && levels <= 512, "levels", levels, "8 to 512");
+  want(levels >= 8 && levels <= SurfaceVolume::kMostLevels, "levels", levels, "8 to 67");
   want(cell_px > 0, "cell_px", cell_px, "more than 0");
   want(least_height_px >= 0, "least_height_px", least_height_px, "at least 0");
   want(least_cells >= 0, "least_cells", least_cells, "at least 0");
@@ -73,7 +73,7 @@ RigidTransform SurfaceReconstruction::camera_from_plane(int keyframe) const {
          snapshot_->plane->world_from_plane;
 }
 
-// One piece of work, about a millisecond; false when there is none.
+// One piece of work, a millisecond or two; false when there is none.
 bool SurfaceReconstruction::unit() {
   switch (stage_) {
     case Stage::idle:
@@ -85,7 +85,7 @@ bool SurfaceReconstruction::unit() {
       return true;
     case Stage::fuse: {
       const View& view = views_[to_fuse_[fusing_]];
-      volume_.vote(row_++, camera_, *view.fused_from, fusing_depth_);
+      volume_.vote(row_++, camera_, *view.fused_from, fusing_depth_, view.sure);
       if (row_ < volume_.extent().rows) return true;
       row_ = 0;
       if (++fusing_ < to_fuse_.size()) {
@@ -100,7 +100,7 @@ bool SurfaceReconstruction::unit() {
       const int least = views_.size() < 3 ? 1 : 2;
       for (int i = 0; i < 16 && row_ < making_->rows; ++i, ++row_) {
         const std::size_t at = static_cast<std::size_t>(row_) * n;
-        volume_.read(row_, least, &making_->height_m[at], &making_->underside_m[at], &making_->known[at]);
+        volume_.read(row_, least, &making_->height_m[at], &making_->filled[at], &making_->known[at]);
       }
       if (row_ == making_->rows) {
         publish();
@@ -218,6 +218,7 @@ void SurfaceReconstruction::keep_depth() {
   view.unit_m = 4 * keyframe.mean_depth / 65535;  // what is farther than four times the usual is no concern
   stereo_.depth().convertTo(view.depth, CV_16U, 1 / view.unit_m);
   view.depth.setTo(0, view.depth == 65535);
+  view.sure = stereo_.sure().clone();
   const auto place = std::upper_bound(views_.begin(), views_.end(), view.id,
                                       [](const KeyframeId& id, const View& v) { return id < v.id; });
   views_.insert(place, std::move(view));
@@ -314,7 +315,7 @@ void SurfaceReconstruction::begin_fusion() {
   making_->map_version = static_cast<int>(snapshot_->map_version);
   const std::size_t n = static_cast<std::size_t>(making_->columns) * static_cast<std::size_t>(making_->rows);
   making_->height_m.assign(n, 0);
-  making_->underside_m.assign(n, 0);
+  making_->filled.assign(n, 0);
   making_->known.assign(n, 0);
   fusing_ = 0;
   row_ = 0;
@@ -326,7 +327,7 @@ void SurfaceReconstruction::publish() {
   std::vector<double> depths;
   for (const SnapshotKeyframe& keyframe : snapshot_->keyframes) depths.push_back(keyframe.mean_depth);
   const double pixel = quantile(depths, 0.5) / camera_.focal_px();
-  clean_heights(options_.least_height_px * pixel, options_.least_cells, making_.get());
+  clean_surface(options_.least_height_px * pixel, options_.least_cells, making_.get());
   making_->version = ++version_;
   surface_ = std::move(making_);
   making_.reset();

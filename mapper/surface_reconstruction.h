@@ -2,8 +2,8 @@
 // grid of heights (mapper/surface_volume), a new map/scene_surface when something changed.
 //
 // Frames: the plane's, metres. Belongs to one thread, that of whoever calls step(); the surfaces it gives are immutable
-// and may go anywhere. Memory is bounded by the options: some 16 bytes a pixel and label for one keyframe at work, 2 a
-// pixel for those done, 3 a box of the grid. In the same order of updates and finished work it gives the same surfaces
+// and may go anywhere. Memory is bounded by the options: some 16 bytes a pixel and label for one keyframe at work, 3 a
+// pixel for those done, 6 a box of the grid. In the same order of updates and finished work it gives the same surfaces
 // to the last bit.
 #pragma once
 
@@ -25,7 +25,7 @@ struct SurfaceOptions {
   int image_width_px = 320;      // keyframes are looked at no larger than this
   int keyframes = 40;            // the newest so many
   int cells = 320;               // of the grid, along its longer side at most
-  int levels = 72;               // of the votes over a cell, at most
+  int levels = 67;               // of the votes over a cell, at most
   double cell_px = 1.3;          // side of a cell in pixels of that image at the usual distance, at least
   double least_height_px = 2.5;  // lower things are part of the plane; the same unit
   int least_cells = 12;          // smaller things are noise
@@ -40,7 +40,7 @@ class SurfaceReconstruction {
 
   // The map as it is now. Cheap; what has been computed and still holds is kept.
   void update(std::shared_ptr<const TrackingSnapshot> snapshot);
-  // Works for about this long, or until interrupted (asked about every millisecond). False when nothing is left to do
+  // Works for about this long, or until interrupted (asked every millisecond or two). False when nothing is left to do
   // until the next update().
   bool step(double budget_ms, const Interruption& interrupt);
   // The newest surface; null before the first one is done and when the map has no plane.
@@ -52,6 +52,7 @@ class SurfaceReconstruction {
     KeyframeId id, neighbour;
     double baseline_m = 0;  // to that neighbour when the depth was found: maps are scaled now and then
     cv::Mat1w depth;        // along z, in steps of `unit_m`
+    cv::Mat1b sure;         // as SurfaceStereo has it
     double unit_m = 0;
     std::optional<RigidTransform> fused_from;  // camera_from_plane of its vote
   };

@@ -36,9 +36,12 @@ constexpr std::uint8_t kNoView = 48;  // cost where the neighbours do not see: n
 // Semi-global matching: what a step of one label costs, and of more; the latter less across an edge of the image.
 constexpr int kStepPenalty = 6, kJumpPenalty = 70, kLeastJumpPenalty = 18;
 constexpr int kMinLabels = 24, kMaxLabels = 64;
-constexpr int kRowsAStep = 4;
 constexpr double kLeastFocal = 0.65;  // of the lens's own, for the pinhole that keyframes are seen through
 constexpr int kWorstCost = 40;        // of 64: what is no better is not believed
+// A pixel is sure of its depth when in a window about it any other than its own and its neighbours' costs so much more.
+constexpr int kWindow = 5;      // pixels, no more than twice kReach and one
+constexpr int kSureMargin = 1;  // of 64 a pixel
+constexpr std::size_t kSameLabels = 2;
 
 // One byte a neighbour of the census: bit 0 brighter, bit 1 darker.
 void code_row(const cv::Mat1b& image, const cv::Mat1b& above, const cv::Mat1b& below, int y, std::size_t k,
@@ -121,7 +124,7 @@ double SurfaceStereo::height(double label) const { return camera_height_ - 1 / (
 
 void SurfaceStereo::begin(SurfaceView reference, std::vector<SurfaceView> neighbours, double lowest_m,
                           double highest_m) {
-  PARALLAX_CHECK(!neighbours.empty(), "stereo wants a neighbour");
+  PARALLAX_CHECK(!neighbours.empty() && neighbours.size() <= said_.size(), "stereo wants one to four neighbours");
   reference_ = std::move(reference);
   neighbours_ = std::move(neighbours);
   camera_height_ = reference_.camera_from_plane.inverse().t.z();
@@ -146,6 +149,7 @@ void SurfaceStereo::begin(SurfaceView reference, std::vector<SurfaceView> neighb
   cost_.assign(all, kNoView);
   smoothed_.assign(all, 0);
   depth_ = cv::Mat1f::zeros(size);
+  sure_ = cv::Mat1b::zeros(size);
   stage_ = Stage::compare;
   next_ = 0;
 }
@@ -155,51 +159,52 @@ bool SurfaceStereo::step() {
   switch (stage_) {
     case Stage::idle:
       return false;
-    case Stage::compare:
-      compare(next_++);
-      if (next_ == labels_) {
+    case Stage::compare: {
+      const int n = static_cast<int>(neighbours_.size());
+      compare(next_ / n, static_cast<std::size_t>(next_ % n));
+      if (++next_ % n == 0) choose(next_ / n - 1);
+      if (next_ == n * labels_) {
         stage_ = Stage::forwards;
         next_ = 0;
         for (auto& paths : paths_) paths.assign(4 * static_cast<std::size_t>(camera_.size().width * labels_), 0);
       }
       return true;
+    }
     case Stage::forwards:
-      for (int i = 0; i < kRowsAStep && next_ < rows; ++i) smooth_row(next_++, 1);
+      smooth_row(next_++, 1);
       if (next_ == rows) stage_ = Stage::backwards;
       return true;
     case Stage::backwards:
-      for (int i = 0; i < kRowsAStep && next_ > 0; ++i) {
-        smooth_row(--next_, -1);
-        decide_row(next_);
-      }
+      smooth_row(--next_, -1);
+      decide_row(next_);
       if (next_ > 0) return true;
       stage_ = Stage::idle;
   }
   return false;
 }
 
-void SurfaceStereo::compare(int label) {
-  const double h = height(label);
+// What a neighbour says of a label.
+void SurfaceStereo::compare(int label, std::size_t neighbour) {
   const RigidTransform& from_plane = reference_.camera_from_plane;
   const Eigen::Vector3d normal = from_plane.R.col(2);
-  const double distance = normal.dot(from_plane * Eigen::Vector3d(0, 0, h));
+  const double distance = normal.dot(from_plane * Eigen::Vector3d(0, 0, height(label)));
   Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
   K(0, 0) = K(1, 1) = camera_.focal_px();
   K.block<2, 1>(0, 2) = camera_.centre_px();
+  const RigidTransform there_from_here = neighbours_[neighbour].camera_from_plane * from_plane.inverse();
+  const Eigen::Matrix3d H = K * (there_from_here.R + there_from_here.t * normal.transpose() / distance) * K.inverse();
+  cv::Matx33d matrix;
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) matrix(r, c) = H(r, c);
+  cv::warpPerspective(neighbours_[neighbour].image, warped_, matrix, camera_.size(),
+                      cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT, cv::Scalar(0));
+  census_cost(codes_, warped_, &said_[neighbour]);
+}
+
+// What they say of it together.
+void SurfaceStereo::choose(int label) {
   const cv::Size size = camera_.size();
-  std::array<cv::Mat1b, 4> cost;
-  cv::Mat1b warped;
-  const std::size_t n = std::min<std::size_t>(neighbours_.size(), cost.size());
-  for (std::size_t i = 0; i < n; ++i) {
-    const RigidTransform there_from_here = neighbours_[i].camera_from_plane * from_plane.inverse();
-    const Eigen::Matrix3d H = K * (there_from_here.R + there_from_here.t * normal.transpose() / distance) * K.inverse();
-    cv::Matx33d matrix;
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) matrix(r, c) = H(r, c);
-    cv::warpPerspective(neighbours_[i].image, warped, matrix, size, cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
-                        cv::BORDER_CONSTANT, cv::Scalar(0));
-    census_cost(codes_, warped, &cost[i]);
-  }
+  const std::size_t n = neighbours_.size();
   // The better half: what hides a place hides it from one side.
   const auto stride = static_cast<std::size_t>(labels_);
   for (int y = 0; y < size.height; ++y) {
@@ -209,7 +214,7 @@ void SurfaceStereo::compare(int label) {
       if (mine[x] == 0) continue;
       int best = 255, second = 255, seeing = 0;
       for (std::size_t i = 0; i < n; ++i) {
-        const int c = cost[i](y, x);
+        const int c = said_[i](y, x);
         seeing += c != 255;
         if (c < best) {
           second = best;
@@ -276,10 +281,30 @@ void SurfaceStereo::decide_row(int row) {
   const RigidTransform& from_plane = reference_.camera_from_plane;
   const Eigen::Vector3d normal = from_plane.R.col(2);
   const auto L = static_cast<std::size_t>(labels_);
+  // Costs summed over a window about the pixel, column by column.
+  constexpr int kHalf = kWindow / 2;
+  const int rows = camera_.size().height;
+  std::vector<std::uint16_t> columns(static_cast<std::size_t>(width) * L, 0);
+  for (int y = std::max(0, row - kHalf); y <= std::min(rows - 1, row + kHalf); ++y) {
+    const std::uint8_t* cost = &cost_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) * L];
+    for (std::size_t i = 0; i < columns.size(); ++i) columns[i] = static_cast<std::uint16_t>(columns[i] + cost[i]);
+  }
+  std::vector<std::uint16_t> window(L, 0);
+  for (int x = 0; x < kWindow - 1; ++x)
+    for (std::size_t l = 0; l < L; ++l)
+      window[l] = static_cast<std::uint16_t>(window[l] + columns[static_cast<std::size_t>(x) * L + l]);
+  const auto take_columns = [&](int x) {
+    const std::uint16_t* in = &columns[static_cast<std::size_t>(x + kHalf) * L];
+    for (std::size_t l = 0; l < L; ++l) window[l] = static_cast<std::uint16_t>(window[l] + in[l]);
+    if (x - kHalf - 1 < 0) return;
+    const std::uint16_t* out = &columns[static_cast<std::size_t>(x - kHalf - 1) * L];
+    for (std::size_t l = 0; l < L; ++l) window[l] = static_cast<std::uint16_t>(window[l] - out[l]);
+  };
   for (int x = kReach; x < width - kReach; ++x) {
     const std::size_t here =
         (static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)) * L;
     const std::uint16_t* sum = &smoothed_[here];
+    take_columns(x);
     const auto best = static_cast<std::size_t>(std::min_element(sum, sum + L) - sum);
     if (cost_[here + best] > kWorstCost || best + 1 >= L) continue;
     double label = static_cast<double>(best);
@@ -291,6 +316,12 @@ void SurfaceStereo::decide_row(int row) {
     const double distance = normal.dot(from_plane * Eigen::Vector3d(0, 0, height(label)));
     if (!(along < -1e-3)) continue;  // does not come down to the plane
     depth_(row, x) = static_cast<float>(distance / along);
+    int inside = 65535, outside = 65535;
+    for (std::size_t l = 0; l < L; ++l) {
+      int& least = l + kSameLabels >= best && l <= best + kSameLabels ? inside : outside;
+      least = std::min<int>(least, window[l]);
+    }
+    if (outside - inside >= kSureMargin * kWindow * kWindow) sure_(row, x) = 255;
   }
 }
 

@@ -3,10 +3,11 @@
 // census (Zabih and Woodfill 1994), made smooth by semi-global matching (Hirschmüller 2008). Labels are heights over
 // the plane, so that the plane and what lies flat on it cost nothing to believe in.
 //
-// Not thread-safe. Works in units of about a millisecond, so that whoever runs it can stop. The result depends on the
+// Not thread-safe. Works in units of a millisecond or two, so that whoever runs it can stop. The result depends on the
 // inputs alone, not on where it was stopped.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <opencv2/core/mat.hpp>
 #include <vector>
@@ -52,12 +53,16 @@ class SurfaceStereo {
   bool busy() const { return stage_ != Stage::idle; }
   // Depth along z, metres, once step() has returned false; 0 where it is not known.
   const cv::Mat1f& depth() const { return depth_; }
+  // 255 where the images allow that depth alone; elsewhere (little texture, the rims of things) it is only as the
+  // neighbouring pixels have it.
+  const cv::Mat1b& sure() const { return sure_; }
 
  private:
   enum class Stage { idle, compare, forwards, backwards };
   using Codes = std::vector<cv::Mat1b>;
 
-  void compare(int label);
+  void compare(int label, std::size_t neighbour);
+  void choose(int label);
   void smooth_row(int row, int direction);
   void decide_row(int row);
   double height(double label) const;
@@ -68,11 +73,14 @@ class SurfaceStereo {
   std::vector<SurfaceView> neighbours_;
   double camera_height_ = 1, first_ = 0, spacing_ = 0;  // of inverse distances below the camera
   int labels_ = 0, next_ = 0;
-  Codes codes_;                          // of the reference
+  Codes codes_;  // of the reference
+  cv::Mat1b warped_;
+  std::array<cv::Mat1b, 4> said_;        // by each neighbour of one label
   std::vector<std::uint8_t> cost_;       // row, column, label
   std::vector<std::uint16_t> smoothed_;  // the same: sum over paths
   std::vector<std::uint16_t> paths_[2];  // of two rows: direction, column, label
   cv::Mat1f depth_;
+  cv::Mat1b sure_;
 };
 
 }  // namespace parallax

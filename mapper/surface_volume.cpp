@@ -1,6 +1,8 @@
 #include "mapper/surface_volume.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -20,12 +22,14 @@ void SurfaceVolume::reset(const SurfaceExtent& extent) {
   extent_ = extent;
   const std::size_t n = static_cast<std::size_t>(extent.columns) * static_cast<std::size_t>(extent.rows) *
                         static_cast<std::size_t>(extent.levels);
-  sum_.assign(n, 0);
-  votes_.assign(n, 0);
+  sure_sum_.assign(n, 0);
+  guessed_sum_.assign(n, 0);
+  sure_votes_.assign(n, 0);
+  guessed_votes_.assign(n, 0);
 }
 
 void SurfaceVolume::vote(int row, const SurfaceCamera& camera, const RigidTransform& camera_from_plane,
-                         const cv::Mat1f& depth) {
+                         const cv::Mat1f& depth, const cv::Mat1b& sure) {
   const double cell = extent_.cell_m, f = camera.focal_px();
   const Eigen::Vector3d up = cell * camera_from_plane.R.col(2);
   const Eigen::Vector2d centre = camera.centre_px();
@@ -47,66 +51,127 @@ void SurfaceVolume::vote(int row, const SurfaceCamera& camera, const RigidTransf
       const double before = (d - p.z()) * std::sqrt(1 + (p.x() * p.x() + p.y() * p.y()) * inverse * inverse);
       if (before < behind) continue;
       const std::size_t i = base + static_cast<std::size_t>(level);
-      if (votes_[i] >= kMostVotes) continue;
-      sum_[i] = static_cast<std::int16_t>(sum_[i] + static_cast<int>(std::clamp(before / full, -1.0, 1.0) * kFull));
-      ++votes_[i];
+      const bool is_sure = sure(y, x) != 0;
+      std::uint8_t& votes = is_sure ? sure_votes_[i] : guessed_votes_[i];
+      std::int16_t& sum = is_sure ? sure_sum_[i] : guessed_sum_[i];
+      if (votes >= kMostVotes) continue;
+      sum = static_cast<std::int16_t>(sum + static_cast<int>(std::clamp(before / full, -1.0, 1.0) * kFull));
+      ++votes;
     }
   }
 }
 
-void SurfaceVolume::read(int row, int least_votes, float* height_m, float* underside_m, std::uint8_t* known) const {
+void SurfaceVolume::read(int row, int least_votes, float* height_m, std::uint64_t* filled, std::uint8_t* known) const {
   for (int column = 0; column < extent_.columns; ++column) {
     const std::size_t base = index(column, row);
     height_m[column] = 0;
-    underside_m[column] = 0;
+    filled[column] = 0;
     known[column] = 0;
-    double over = 1, over_at = extent_.levels;  // the value of the lowest empty box met so far, coming from above
+    double over = 1;  // the value of the lowest empty box met so far, coming from above
+    int over_at = extent_.levels;
+    int top = -1, lowest_sure = -1, open = 0;  // of the thing that this is in; top < 0: in none
+    double top_m = 0;
+    const auto fill = [&](int bottom) {
+      if (!filled[column]) height_m[column] = std::max(0.0f, static_cast<float>(top_m));
+      for (int level = std::max(bottom, kBelow); level <= top; ++level)
+        filled[column] |= std::uint64_t{1} << (level - kBelow);
+    };
     for (int level = extent_.levels - 1; level >= 0; --level) {
       const std::size_t i = base + static_cast<std::size_t>(level);
-      if (votes_[i] < least_votes) continue;
+      const bool sure = sure_votes_[i] >= least_votes;
+      if (!sure && guessed_votes_[i] < least_votes) continue;
       known[column] = 1;
-      const double value = static_cast<double>(sum_[i]) / (kFull * votes_[i]);
-      if (value >= 0) {
-        over = value;
-        over_at = level;
-        continue;
+      const double value = sure ? static_cast<double>(sure_sum_[i]) / (kFull * sure_votes_[i])
+                                : static_cast<double>(guessed_sum_[i]) / (kFull * guessed_votes_[i]);
+      if (top < 0) {
+        if (value >= 0) {
+          over = value;
+          over_at = level;
+          continue;
+        }
+        top = level;
+        lowest_sure = -1;
+        open = 0;
+        top_m = level_height(level) + (over_at - level < 2 ? value / (value - over) : 0.5) * extent_.cell_m;
       }
-      const double share = over_at - level < 1.5 ? value / (value - over) : 0.5;
-      height_m[column] = std::max(0.0f, static_cast<float>(level_height(level) + share * extent_.cell_m));
-      underside_m[column] = static_cast<float>(underside(base, level, least_votes));
-      break;
+      if (sure && value < 0) lowest_sure = level;
+      open = sure && value > kOpen ? open + 1 : 0;
+      if (open < kOpenLevels) continue;
+      // One looks through under it: it ends where it was last seen for sure; if nowhere, it is not there.
+      if (lowest_sure >= 0) fill(lowest_sure);
+      top = -1;
+      over = value;
+      over_at = level;
+    }
+    if (top >= 0) fill(kBelow);
+  }
+}
+
+namespace {
+
+// Of three by three words, bit by bit: those set in most of them, in any, in all. Beyond the rim nothing is set.
+template <typename Combine>
+void filter_bits(int columns, int rows, std::vector<std::uint64_t>* bits, const Combine& combine) {
+  const std::vector<std::uint64_t> from = *bits;
+  std::array<std::uint64_t, 9> near;
+  for (int y = 0; y < rows; ++y) {
+    for (int x = 0; x < columns; ++x) {
+      std::size_t n = 0;
+      for (int dy = -1; dy <= 1; ++dy) {
+        for (int dx = -1; dx <= 1; ++dx) {
+          const bool in = y + dy >= 0 && y + dy < rows && x + dx >= 0 && x + dx < columns;
+          near[n++] = in ? from[static_cast<std::size_t>(y + dy) * static_cast<std::size_t>(columns) +
+                                static_cast<std::size_t>(x + dx)]
+                         : 0;
+        }
+      }
+      (*bits)[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(x)] =
+          combine(near);
     }
   }
 }
 
-// Below something at this level: where enough boxes in a row were looked through; 0 when there is no such place.
-double SurfaceVolume::underside(std::size_t base, int level, int least_votes) const {
-  int open = 0;
-  for (int below = level - 1; below >= kBelow; --below) {
-    const std::size_t i = base + static_cast<std::size_t>(below);
-    const bool empty = votes_[i] >= least_votes && sum_[i] > kOpen * kFull * votes_[i];
-    open = empty ? open + 1 : 0;
-    if (open < kOpenLevels) continue;
-    // What nobody saw between the gap and the first sign of a surface over it belongs to the gap.
-    int over = below + kOpenLevels;
-    while (over < level && !(votes_[base + static_cast<std::size_t>(over)] >= least_votes &&
-                             sum_[base + static_cast<std::size_t>(over)] < 0))
-      ++over;
-    return level_height(over) - 0.5 * extent_.cell_m;
+std::uint64_t most_of(const std::array<std::uint64_t, 9>& words) {
+  std::uint64_t one = 0, two = 0, four = 0, eight = 0;  // digits of the counts
+  for (std::uint64_t carry : words) {
+    for (std::uint64_t* digit : {&one, &two, &four, &eight}) {
+      const std::uint64_t next = *digit & carry;
+      *digit ^= carry;
+      carry = next;
+    }
   }
-  return 0;
+  return eight | (four & (one | two));  // five and more
+}
+std::uint64_t any_of(const std::array<std::uint64_t, 9>& words) {
+  std::uint64_t out = 0;
+  for (const std::uint64_t word : words) out |= word;
+  return out;
+}
+std::uint64_t all_of(const std::array<std::uint64_t, 9>& words) {
+  std::uint64_t out = ~std::uint64_t{0};
+  for (const std::uint64_t word : words) out &= word;
+  return out;
 }
 
-void clean_heights(double least_height_m, int least_cells, SceneSurface* surface) {
+}  // namespace
+
+void clean_surface(double least_height_m, int least_cells, SceneSurface* surface) {
   if (surface->empty()) return;
+  filter_bits(surface->columns, surface->rows, &surface->filled, most_of);
+  // Holes of a cell or two in things that stand there.
+  filter_bits(surface->columns, surface->rows, &surface->filled, any_of);
+  filter_bits(surface->columns, surface->rows, &surface->filled, all_of);
   cv::Mat1f heights(surface->rows, surface->columns, surface->height_m.data());
   cv::Mat1f middle;
   cv::medianBlur(heights, middle, 3);
-  middle.copyTo(heights);
-  // Holes of a cell or two in things that stand there.
-  cv::Mat1f closed;
-  cv::morphologyEx(heights, closed, cv::MORPH_CLOSE, cv::Mat1b::ones(3, 3));
-  closed.copyTo(heights);
+  for (int y = 0; y < heights.rows; ++y) {
+    for (int x = 0; x < heights.cols; ++x) {
+      // Within half a box of the top of the highest that is filled.
+      const std::uint64_t filled = surface->filled[surface->index(x, y)];
+      const double top = surface->cell_m * std::bit_width(filled), half = 0.5 * surface->cell_m;
+      heights(y, x) = filled ? static_cast<float>(std::clamp<double>(middle(y, x), top - half, top + half)) : 0.0f;
+    }
+  }
   cv::Mat1b stands;
   cv::compare(heights, least_height_m, stands, cv::CMP_GE);
   cv::Mat1i label, box;
@@ -115,11 +180,9 @@ void clean_heights(double least_height_m, int least_cells, SceneSurface* surface
   for (int y = 0; y < heights.rows; ++y) {
     for (int x = 0; x < heights.cols; ++x) {
       const int island = label(y, x);
-      if (island == 0 || (island < n && box(island, cv::CC_STAT_AREA) < least_cells)) heights(y, x) = 0;
-      if (!surface->underside_m.empty()) {
-        float& underside = surface->underside_m[surface->index(x, y)];
-        if (underside > 0.8f * heights(y, x)) underside = 0;
-      }
+      if (island != 0 && island < n && box(island, cv::CC_STAT_AREA) >= least_cells) continue;
+      heights(y, x) = 0;
+      surface->filled[surface->index(x, y)] = 0;
     }
   }
 }

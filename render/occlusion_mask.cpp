@@ -1,6 +1,7 @@
 #include "render/occlusion_mask.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
@@ -135,11 +136,23 @@ double OcclusionMask::meet(const SceneSurface& surface, const Eigen::Vector3d& f
       const double h = surface.height_m[surface.index(cells.column(), cells.row())];
       const double out = std::min(cells.leaves(), leave);
       if (!(h > 0) || h <= lowest(cells.enters(), out)) continue;
-      const double bottom = surface.underside(cells.column(), cells.row());
-      const double at = from.z() + along.z() * cells.enters();
+      const double at = from.z() + along.z() * cells.enters(), leaves = from.z() + along.z() * out;
       if (at > h) return (h - from.z()) / along.z();  // through its top
-      if (at >= bottom) return cells.enters();        // through its side
-      if (along.z() > 0 && from.z() + along.z() * out > bottom) return (bottom - from.z()) / along.z();
+      if (surface.filled.empty()) return cells.enters();
+      const std::uint64_t filled = surface.filled[surface.index(cells.column(), cells.row())];
+      // The highest box ends at the height, which may be a little over or under its own top.
+      const int level = std::clamp(static_cast<int>(at / surface.cell_m), 0,
+                                   std::max(0, static_cast<int>(std::bit_width(filled)) - 1));
+      if (filled >> level & 1) return cells.enters();  // through a side
+      // Down onto what is under a gap, or up against what is over it.
+      const std::uint64_t under = filled & ((std::uint64_t{1} << level) - 1), over = filled >> level;
+      if (along.z() < 0 && under) {
+        const double top = surface.cell_m * std::bit_width(under);
+        if (leaves < top) return (top - from.z()) / along.z();
+      } else if (along.z() > 0 && over) {
+        const double bottom = surface.cell_m * (level + std::countr_zero(over));
+        if (leaves > bottom) return (bottom - from.z()) / along.z();
+      }
     }
   }
   return 0;

@@ -304,13 +304,13 @@ TEST(GameSession, IsPlayedWhileTheCameraIsTracked) {
 TEST(GameSession, AimsWhereTheCameraWillBe) {
   constexpr double kBetween_s = 1.0 / 30, kAhead_s = 0.06;
   const TrackingSnapshot map = table_map(0.3);
-  // Seen from 0.6 m above; it goes to the right at 30 cm/s and turns by 20 degrees a second.
+  // Seen from 0.6 m above; it goes to the right at 30 cm/s and turns that way by 20 degrees a second.
   Vector6d velocity;
-  velocity << -0.3, 0.05, 0.02, 0.05, 0.35, 0.1;
+  velocity << -0.3, 0.05, 0.02, 0.05, -0.35, 0.1;
   const RigidTransform start(Eigen::Vector3d(1, -1, -1).asDiagonal(), {-0.05, 0, 0.6});
   const auto pose_at = [&](double seconds) { return RigidTransform::exp(velocity * seconds) * start; };
   const auto sight_of = [](const GameSession& session) {
-    const auto sight = nlohmann::json::parse(session.runner().game().save()).at("robot").at("sight");
+    const auto sight = nlohmann::json::parse(session.runner().game().save()).at("game").at("robot").at("sight");
     return Eigen::Vector2d(sight.at(0).get<double>(), sight.at(1).get<double>());
   };
   // Sights with poses of the frame's time plus `later_s`, predicted `ahead_s` farther.

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <utility>
 #include <vector>
 
@@ -27,8 +29,10 @@ std::shared_ptr<const SceneSurface> run_to_end(SurfaceReconstruction* reconstruc
   return reconstruction->surface();
 }
 
-// What holds today, with room for another seed; gaps under things that stand on a foot cost most.
-constexpr double kLeastOverlap = 0.3;
+// Intersection over union of what is hidden: of layers of content over the whole field, medians over frames, together
+// and each; and of blocks on bare places, of which little is hidden, all of it next to the rims of things. The seed is
+// none that anything was tuned on.
+constexpr double kLeastOverlap = 0.8, kLeastOfALayer = 0.7, kLeastOfBlocks = 0.45;
 
 // A recording tracked and mapped in lockstep, with true depths in the map's scale.
 struct Tracked {
@@ -73,8 +77,28 @@ Tracked track_desk(const std::string& name, int first, int last, int every) {
   return out;
 }
 
+// The mapped part of the plane, as the games have it: the hull of the points on it.
+std::vector<cv::Point2f> field_of(const Tracked& desk, const SceneSurface& surface) {
+  std::vector<cv::Point2f> on_plane, hull;
+  const Vector2d high = surface.corner_m + surface.cell_m * Vector2d(surface.columns, surface.rows);
+  for (const Vector3d& point : desk.map->position) {
+    const Vector3d p = surface.world_from_plane.inverse() * point;
+    if (std::abs(p.z()) > 0.01 || (p.head<2>().array() < surface.corner_m.array()).any() ||
+        (p.head<2>().array() > high.array()).any())
+      continue;
+    on_plane.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
+  }
+  cv::convexHull(on_plane, hull);
+  return hull;
+}
+
+bool in_field(const std::vector<cv::Point2f>& field, const Vector2d& at) {
+  return cv::pointPolygonTest(field, cv::Point2f(static_cast<float>(at.x()), static_cast<float>(at.y())), false) >= 0;
+}
+
 // Blocks 4 cm wide and 8 cm high on bare parts of the plane, everywhere that one of the views sees it bare.
-std::vector<Vector2d> bare_places(const Tracked& desk, const SceneSurface& surface) {
+std::vector<Vector2d> bare_places(const Tracked& desk, const SceneSurface& surface,
+                                  const std::vector<cv::Point2f>& field) {
   std::vector<Vector2d> out;
   constexpr double spacing = 0.07, half = 0.02;
   for (double y = surface.corner_m.y(); y < surface.corner_m.y() + surface.rows * surface.cell_m; y += spacing) {
@@ -91,7 +115,7 @@ std::vector<Vector2d> bare_places(const Tracked& desk, const SceneSurface& surfa
         }
         return true;
       };
-      if (std::any_of(desk.views.begin(), desk.views.end(), bare_in)) out.emplace_back(x, y);
+      if (in_field(field, {x, y}) && std::any_of(desk.views.begin(), desk.views.end(), bare_in)) out.emplace_back(x, y);
     }
   }
   return out;
@@ -110,49 +134,87 @@ double depth_of_blocks(const std::vector<Vector2d>& places, const RigidTransform
   return nearest;
 }
 
-// What is hidden of the blocks, by the mask and in truth: intersection over union of each view.
-std::vector<double> overlaps(const Tracked& desk, const SceneSurface& surface, const std::vector<Vector2d>& places) {
+struct Overlap {
+  int both = 0, either = 0;
+  void add(bool a, bool b) {
+    both += a && b;
+    either += a || b;
+  }
+  double ratio() const { return static_cast<double>(both) / either; }
+};
+
+constexpr std::array<double, 4> kLayers_m = {0.01, 0.02, 0.04, 0.08};
+
+// Of each view, sorted: what is hidden, by the mask and in truth, of the layers and of them together; and of the
+// blocks.
+struct Overlaps {
+  std::array<std::vector<double>, kLayers_m.size()> layers;
+  std::vector<double> together;
+  Overlap blocks;  // of all views: each sees few of them past something
+};
+
+Overlaps overlaps(const Tracked& desk, const SceneSurface& surface) {
   OcclusionMask mask(desk.camera);
-  std::vector<double> out;
+  const std::vector<cv::Point2f> field = field_of(desk, surface);
+  const std::vector<Vector2d> places = bare_places(desk, surface, field);
+  EXPECT_GT(places.size(), 20u);
+  Overlaps out;
+  const auto note = [](const Overlap& overlap, std::vector<double>* to) {
+    if (overlap.either >= 40) to->push_back(overlap.ratio());
+  };
   for (const Tracked::View& view : desk.views) {
     const cv::Mat1f real = mask.update(surface, view.camera_from_world, view.grey);
     const RigidTransform plane_from_camera = (view.camera_from_world * surface.world_from_plane).inverse();
-    int both = 0, either = 0;
+    std::array<Overlap, kLayers_m.size()> layers;
+    Overlap together;
     for (int y = 0; y < real.rows; ++y) {
       for (int x = 0; x < real.cols; ++x) {
         const Vector2d px((x + 0.5) * desk.camera.width() / real.cols - 0.5,
                           (y + 0.5) * desk.camera.height() / real.rows - 0.5);
         Vector3d ray;
         if (!desk.camera.unproject(px, &ray)) continue;
-        const double block = depth_of_blocks(places, plane_from_camera, ray);
-        if (!(block > 0)) continue;
-        const float truth = view.depth(static_cast<int>(px.y()), static_cast<int>(px.x()));
-        const bool hidden = truth > 0 && truth<block, said = real(y, x)> 0 && real(y, x) < block;
-        both += hidden && said;
-        either += hidden || said;
+        const double truth = view.depth(static_cast<int>(px.y()), static_cast<int>(px.x())), said = real(y, x);
+        const auto hides = [](double thing, double content) { return thing > 0 && thing < content; };
+        const Vector3d along = plane_from_camera.R * ray, &from = plane_from_camera.t;
+        for (std::size_t i = 0; i < kLayers_m.size(); ++i) {
+          const double content = (kLayers_m[i] - from.z()) / along.z();
+          if (!(content > 0) || !in_field(field, (from + content * along).head<2>())) continue;
+          layers[i].add(hides(truth, content), hides(said, content));
+          together.add(hides(truth, content), hides(said, content));
+        }
+        const double content = depth_of_blocks(places, plane_from_camera, ray);
+        if (content > 0) out.blocks.add(hides(truth, content), hides(said, content));
       }
     }
-    if (either >= 40) out.push_back(static_cast<double>(both) / either);
+    for (std::size_t i = 0; i < kLayers_m.size(); ++i) note(layers[i], &out.layers[i]);
+    note(together, &out.together);
   }
-  std::sort(out.begin(), out.end());
+  for (auto& layer : out.layers) std::sort(layer.begin(), layer.end());
+  std::sort(out.together.begin(), out.together.end());
   return out;
 }
 
+double median(const std::vector<double>& sorted) { return sorted.empty() ? 0 : sorted[sorted.size() / 2]; }
+
 TEST(SurfaceReconstruction, HidesWhatTheDeskHides) {
-  const Tracked desk = track_desk("synthetic:desk?size=320x240&seed=5&frames=300", 30, 260, 12);
+  const Tracked desk = track_desk("synthetic:desk?size=320x240&seed=6&frames=300", 30, 180, 15);
   ASSERT_TRUE(desk.map->plane);
-  ASSERT_GT(desk.views.size(), 8u);
+  ASSERT_GT(desk.views.size(), 4u);
   SurfaceReconstruction reconstruction(desk.camera);
   reconstruction.update(desk.map);
   const auto surface = run_to_end(&reconstruction, 1e6);
   ASSERT_NE(surface, nullptr);
-  const std::vector<Vector2d> places = bare_places(desk, *surface);
-  EXPECT_GT(places.size(), 20u);
-  const std::vector<double> overlap = overlaps(desk, *surface, places);
-  ASSERT_GT(overlap.size(), 6u);
-  RecordProperty("median_overlap", std::to_string(overlap[overlap.size() / 2]));
-  RecordProperty("tenth_percentile", std::to_string(overlap[overlap.size() / 10]));
-  EXPECT_GE(overlap[overlap.size() / 2], kLeastOverlap);
+  RecordProperty("keyframes", static_cast<int>(desk.map->keyframes.size()));
+  const Overlaps found = overlaps(desk, *surface);
+  ASSERT_GT(found.together.size(), 4u);
+  RecordProperty("together", std::to_string(median(found.together)));
+  RecordProperty("blocks", std::to_string(found.blocks.ratio()));
+  EXPECT_GE(median(found.together), kLeastOverlap);
+  EXPECT_GE(found.blocks.ratio(), kLeastOfBlocks);
+  for (std::size_t i = 0; i < kLayers_m.size(); ++i) {
+    RecordProperty("layer_" + std::to_string(i), std::to_string(median(found.layers[i])));
+    EXPECT_GE(median(found.layers[i]), kLeastOfALayer) << kLayers_m[i];
+  }
 }
 
 const Map& small_map() {
@@ -182,7 +244,7 @@ TEST(SurfaceReconstruction, GivesTheSameInOnePieceAndInMany) {
   ASSERT_TRUE(a && b);
   EXPECT_GT(steps, 100);
   EXPECT_EQ(a->height_m, b->height_m);
-  EXPECT_EQ(a->underside_m, b->underside_m);
+  EXPECT_EQ(a->filled, b->filled);
   EXPECT_EQ(a->known, b->known);
   EXPECT_GT(*std::max_element(a->height_m.begin(), a->height_m.end()), 0.03f) << "there are things on the desk";
   EXPECT_GE(*std::min_element(a->height_m.begin(), a->height_m.end()), 0.0f);

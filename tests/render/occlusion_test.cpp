@@ -233,7 +233,7 @@ TEST(Meshes, TexturesThatChangeEveryFrameDoNotPileUp) {
   dlclose(library);
 }
 
-// A block and a slab on a post, seen by a pinhole: every ray against the plain formula.
+// A block, and a slab that hovers over a plate, seen by a pinhole: every ray against the plain formula.
 TEST(OcclusionMask, IsTheDepthOfWhatStandsOnThePlane) {
   SceneSurface surface;
   surface.columns = 100;
@@ -241,20 +241,24 @@ TEST(OcclusionMask, IsTheDepthOfWhatStandsOnThePlane) {
   surface.cell_m = 0.005;
   surface.corner_m = {-0.25, -0.2};
   surface.height_m.assign(8000, 0);
-  surface.underside_m.assign(8000, 0);
+  surface.filled.assign(8000, 0);
   surface.known.assign(8000, 1);
   surface.version = 1;
   surface.world_from_plane = RigidTransform(exp_so3({0.3, -0.2, 0.5}), Eigen::Vector3d(1, 2, 3));
   const Eigen::AlignedBox3d block(Eigen::Vector3d(-0.1, 0, 0), Eigen::Vector3d(0, 0.1, 0.08)),
-      slab(Eigen::Vector3d(0.05, -0.05, 0.06), Eigen::Vector3d(0.2, 0.05, 0.09));
+      slab(Eigen::Vector3d(0.05, -0.05, 0.06), Eigen::Vector3d(0.2, 0.05, 0.09)),
+      plate(Eigen::Vector3d(0.1, -0.03, 0), Eigen::Vector3d(0.15, 0.04, 0.02));
   for (int row = 0; row < surface.rows; ++row) {
     for (int column = 0; column < surface.columns; ++column) {
       const Eigen::Vector2d at = surface.centre_of(column, row);
-      for (const auto& box : {block, slab}) {
+      for (const auto& box : {block, slab, plate}) {
         if ((at.array() < box.min().head<2>().array()).any() || (at.array() > box.max().head<2>().array()).any())
           continue;
-        surface.height_m[surface.index(column, row)] = static_cast<float>(box.max().z());
-        surface.underside_m[surface.index(column, row)] = static_cast<float>(box.min().z());
+        float& height = surface.height_m[surface.index(column, row)];
+        height = std::max(height, static_cast<float>(box.max().z()));
+        for (int level = 0; level < 64; ++level)
+          if ((level + 0.5) * surface.cell_m > box.min().z() && (level + 0.5) * surface.cell_m < box.max().z())
+            surface.filled[surface.index(column, row)] |= std::uint64_t{1} << level;
       }
     }
   }
@@ -270,7 +274,7 @@ TEST(OcclusionMask, IsTheDepthOfWhatStandsOnThePlane) {
       ASSERT_TRUE(kPinhole.unproject({static_cast<double>(x), static_cast<double>(y)}, &ray));
       const Eigen::Vector3d along = plane_from_camera.R * ray;
       double expected = 0;
-      for (const auto& box : {block, slab}) {
+      for (const auto& box : {block, slab, plate}) {
         const Eigen::Array3d a = (box.min() - plane_from_camera.t).array() / along.array(),
                              b = (box.max() - plane_from_camera.t).array() / along.array();
         const double in = a.min(b).maxCoeff(), out = a.max(b).minCoeff();
