@@ -180,6 +180,18 @@ void LiveGames::leave() {
   write_game_store(store_, store_path_);
 }
 
+void LiveGames::bring(const std::map<std::string, std::string>& left) {
+  for (const auto& [name, state] : left) store_.left[name] = state;
+}
+
+std::map<std::string, std::string> LiveGames::states() const {
+  std::map<std::string, std::string> out = store_.left;
+  if (!session_) return out;
+  const GamePhase phase = session_->runner().phase();
+  if (phase != GamePhase::idle && phase != GamePhase::over) out[session_->name()] = session_->runner().game().save();
+  return out;
+}
+
 void LiveGames::toggle_pause() {
   if (session_) session_->runner().toggle_pause();
 }

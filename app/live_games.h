@@ -6,6 +6,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -44,6 +45,9 @@ class LiveGames {
   // Ends the game; its state is kept for the next time. Closes the menu.
   void leave();
   void toggle_pause();
+  // Games that were left on the map that is shown now, to go on with; and those left or being played, to keep with it.
+  void bring(const std::map<std::string, std::string>& left);
+  std::map<std::string, std::string> states() const;
 
   // A new frame; `input` is what keys and gamepad say now. `ahead_s`: from the frame's time to when it is seen.
   void frame(const LiveFrame& frame, const GameInput& input, double ahead_s);

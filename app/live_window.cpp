@@ -115,6 +115,7 @@ bool LiveWindow::has_news() {
     memory_.update(shown_->tracked);
     path_.add(shown_->tracked);
     if (shown_->map) state_.content.follow(*shown_->map);
+    map_file_.frame(*shown_, engine_, &state_, &games_);
     if (state_.selected && state_.content.find(*state_.selected) == nullptr) state_.selected.reset();
     const double ahead_s = latency_.take(shown_->frame.time, 1e-3 * static_cast<double>(shown_->tracked.times.total),
                                          SteadyClock::now().time_since_epoch());
@@ -372,9 +373,10 @@ std::optional<RunResult> LiveWindow::finish(OutputSteps* steps) {
     });
     video_.reset();
   }
+  if (shown_) map_file_.hand_over(*shown_, engine_, state_, games_);
   renderer_.reset();
   window_.reset();
-  engine_.end();
+  (*steps)([&] { engine_.end(); });
   return engine_.last_result();
 }
 

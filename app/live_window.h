@@ -11,6 +11,7 @@
 #include "app/live_calibration.h"
 #include "app/live_engine.h"
 #include "app/live_games.h"
+#include "app/live_map.h"
 #include "app/live_options.h"
 #include "app/live_pointing.h"
 #include "app/live_state.h"
@@ -99,6 +100,7 @@ class LiveWindow {
   std::unique_ptr<LiveCalibration> calibration_;
   LivePointing pointing_;
   LiveGames games_;
+  LiveMap map_file_;
   GamePad pad_;
   PadWatch pad_watch_;
   DisplayLatency latency_;
@@ -117,6 +119,7 @@ class LiveWindow {
   struct Edit {
     std::future<EditReply> reply;
     std::string done;  // what to say when it was
+    bool sets_scale = false;
   };
   std::vector<Edit> edits_;
   std::vector<std::future<void>> resets_;

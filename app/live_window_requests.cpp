@@ -48,7 +48,7 @@ void LiveWindow::serve_requests() {
     if (const auto hit = LivePointing::hit(engine_.lens(), *shown_, cursor_px_); hit && hit->kind == HitKind::point)
       edit.seed = hit->position;
     edits_.push_back(
-        {session->edit(edit), edit.seed ? "the plane here is the table now" : "the table was found again"});
+        {session->edit(edit), edit.seed ? "the plane here is the table now" : "the table was found again", false});
   }
   if (wanted.marker) look_for_marker();
 }
@@ -57,6 +57,7 @@ void LiveWindow::answer_edits() {
   std::erase_if(edits_, [this](Edit& edit) {
     if (!is_ready(edit.reply)) return false;
     const EditReply reply = edit.reply.get();
+    if (reply.ok && edit.sets_scale) map_file_.scale_was_set();
     state_.toasts.add(reply.ok ? edit.done : reply.reason, !reply.ok);
     return true;
   });
@@ -71,6 +72,7 @@ void LiveWindow::answer_edits() {
 }
 
 void LiveWindow::begin_session(const CameraModel& lens, bool estimated, const std::string& record_path) {
+  if (shown_) map_file_.hand_over(*shown_, engine_, state_, games_);
   try {
     games_.leave();  // it was played through another lens
   } catch (const std::exception& e) {
@@ -83,6 +85,7 @@ void LiveWindow::begin_session(const CameraModel& lens, bool estimated, const st
     state_.toasts.add(e.what(), true);
     engine_.begin(lens, estimated, "");
   }
+  map_file_.begun();
   shown_.reset();
   shown_index_ = -1;
   memory_ = {};
@@ -140,7 +143,7 @@ void LiveWindow::toggle_recording() {
 
 void LiveWindow::ask_scale(double factor, const std::string& said) {
   if (engine_.session() == nullptr) return;
-  edits_.push_back({engine_.session()->edit(ScaleEdit{factor}), said});
+  edits_.push_back({engine_.session()->edit(ScaleEdit{factor}), said, true});
 }
 
 void LiveWindow::print_marker() {

@@ -1,0 +1,32 @@
+// The map file of the window's session: what was on the map comes back with it, and what the user places is handed to the
+// saver.
+//
+// The window's thread.
+#pragma once
+
+#include "app/live_engine.h"
+#include "app/live_games.h"
+#include "app/live_state.h"
+
+namespace parallax {
+
+class LiveMap {
+ public:
+  // A session has begun.
+  void begun() { *this = LiveMap(); }
+
+  // After the content has followed this frame's map. Content and games of the map that the session began with are put
+  // back at its first frame.
+  void frame(const LiveFrame& frame, const LiveEngine& engine, LiveState* state, LiveGames* games);
+  // Hands over what stands on the map now; before the session ends.
+  void hand_over(const LiveFrame& frame, const LiveEngine& engine, const LiveState& state, const LiveGames& games);
+  // The user has set the scale of this map.
+  void scale_was_set() { scale_is_known_ = true; }
+
+ private:
+  bool restored_ = false, scale_is_known_ = false;
+  std::uint64_t map_version_ = 0;
+  SteadyClock::time_point handed_over_{};
+};
+
+}  // namespace parallax
