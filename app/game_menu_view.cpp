@@ -11,7 +11,7 @@ namespace parallax {
 namespace {
 
 // In heights of the font.
-constexpr float kWidth = 40, kGap = 0.6f, kRow = 1.5f, kButton = 1.7f;
+constexpr float kWidth = 40, kCardGap = 0.6f, kRow = 1.5f, kButton = 1.7f;
 constexpr float kLabelShare = 0.56f;  // of a row of the settings
 constexpr ImU32 kMarked = IM_COL32(52, 84, 120, 255), kHovered = IM_COL32(42, 50, 62, 255);
 constexpr ImU32 kCard = IM_COL32(26, 30, 36, 255), kButtonGround = IM_COL32(44, 49, 58, 255);
@@ -67,7 +67,7 @@ bool draw_button(const std::string& label, bool marked, float width) {
 
 MenuChoice draw_buttons(GameMenu* menu, GameStore* store) {
   const std::vector<MenuButton> buttons = menu->buttons();
-  const float gap = kGap * unit(), width = ImGui::GetContentRegionAvail().x;
+  const float gap = kCardGap * unit(), width = ImGui::GetContentRegionAvail().x;
   const float each = std::min(9 * unit(), (width + gap) / static_cast<float>(buttons.size()) - gap);
   std::optional<MenuButton> clicked;
   for (std::size_t i = 0; i < buttons.size(); ++i) {
@@ -111,7 +111,7 @@ std::string standing_of(const GameMenu& menu, const GameStore& store) {
 MenuChoice draw_cards(const GameMenuView& view, GameMenu* menu, GameStore* store) {
   large_text("Games");
   const auto count = static_cast<float>(menu->games().size());
-  const float gap = kGap * unit(), width = (ImGui::GetContentRegionAvail().x + gap) / count - gap;
+  const float gap = kCardGap * unit(), width = (ImGui::GetContentRegionAvail().x + gap) / count - gap;
   std::optional<std::size_t> clicked;
   for (std::size_t i = 0; i < menu->games().size(); ++i) {
     if (i > 0) ImGui::SameLine(0, gap);

@@ -10,7 +10,7 @@ namespace {
 constexpr float kSameMixture = 0.9995f;
 constexpr float kDarkest = 1e-4f;  // linear light
 
-DrawColour hexadecimal(unsigned rgb) {
+DrawColour colour_of_code(unsigned rgb) {
   const auto part = [&](int shift) { return static_cast<float>((rgb >> shift) & 0xff) / 255; };
   return {part(16), part(8), part(0), 1};
 }
@@ -25,7 +25,7 @@ Eigen::Vector3f light_of(const DrawColour& c) { return {linear(c.r), linear(c.g)
 
 GamePalette palette(const char* name, const char* title, bool safe, const std::array<unsigned, kPaletteRoles>& rgb) {
   GamePalette out{name, title, safe, {}};
-  std::transform(rgb.begin(), rgb.end(), out.colours.begin(), hexadecimal);
+  std::transform(rgb.begin(), rgb.end(), out.colours.begin(), colour_of_code);
   return out;
 }
 

@@ -9,7 +9,7 @@
 namespace parallax {
 namespace {
 
-using Kind = GameSettingRow::Kind;
+using RowKind = GameSettingRow::Kind;
 
 constexpr double kStepsAcross = 10;
 
@@ -59,16 +59,16 @@ double own_setting(const GameStore& store, const GameInfo& info, const std::stri
 
 std::vector<GameSettingRow> game_setting_rows(const GameStore& store, const GameInfo& info) {
   std::vector<GameSettingRow> rows{
-      {Kind::volume, "Volume", percent(store.volume), store.volume, false, ""},
-      {Kind::effects, "Effects", percent(store.effects), store.effects, false, ""},
-      {Kind::sound, "Sound", on_or_off(!store.mute), std::nullopt, false, ""},
-      {Kind::difficulty, "Difficulty", difficulty_name(store.difficulty), std::nullopt, true, ""},
-      {Kind::seated, "Seated: little camera motion", on_or_off(store.seated), std::nullopt, true, ""},
-      {Kind::palette, "Colours", game_palette(store.palette).title, std::nullopt, false, ""},
-      {Kind::occlusion, "Real things hide virtual ones", on_or_off(store.occlusion), std::nullopt, false, ""}};
+      {RowKind::volume, "Volume", percent(store.volume), store.volume, false, ""},
+      {RowKind::effects, "Effects", percent(store.effects), store.effects, false, ""},
+      {RowKind::sound, "Sound", on_or_off(!store.mute), std::nullopt, false, ""},
+      {RowKind::difficulty, "Difficulty", difficulty_name(store.difficulty), std::nullopt, true, ""},
+      {RowKind::seated, "Seated: little camera motion", on_or_off(store.seated), std::nullopt, true, ""},
+      {RowKind::palette, "Colours", game_palette(store.palette).title, std::nullopt, false, ""},
+      {RowKind::occlusion, "Real things hide virtual ones", on_or_off(store.occlusion), std::nullopt, false, ""}};
   const GamePalette& palette = game_palette(store.palette);
   if (!palette.colour_blind_safe)
-    std::find_if(rows.begin(), rows.end(), [](const auto& r) { return r.kind == Kind::palette; })->value +=
+    std::find_if(rows.begin(), rows.end(), [](const auto& r) { return r.kind == RowKind::palette; })->value +=
         " (not colour-blind safe)";
   for (const GameSetting& setting : info.settings) rows.push_back(own_row(store, info, setting));
   return rows;
@@ -77,28 +77,28 @@ std::vector<GameSettingRow> game_setting_rows(const GameStore& store, const Game
 void step_game_setting(const GameSettingRow& row, const GameInfo& info, int step, GameStore* store) {
   if (row.share) return slide_game_setting(row, info, *row.share + step / kStepsAcross, store);
   switch (row.kind) {
-    case Kind::volume:
-    case Kind::effects:
+    case RowKind::volume:
+    case RowKind::effects:
       break;  // they slide
-    case Kind::sound:
+    case RowKind::sound:
       store->mute = !store->mute;
       break;
-    case Kind::difficulty:
+    case RowKind::difficulty:
       store->difficulty = static_cast<GameDifficulty>(around(static_cast<int>(store->difficulty), step, 3));
       break;
-    case Kind::seated:
+    case RowKind::seated:
       store->seated = !store->seated;
       break;
-    case Kind::palette: {
+    case RowKind::palette: {
       const auto& all = game_palettes();
       const auto now = static_cast<int>(&game_palette(store->palette) - all.data());
       store->palette = all[static_cast<std::size_t>(around(now, step, static_cast<int>(all.size())))].name;
       break;
     }
-    case Kind::occlusion:
+    case RowKind::occlusion:
       store->occlusion = !store->occlusion;
       break;
-    case Kind::own:
+    case RowKind::own:
       if (const GameSetting* setting = setting_of(info, row.own); setting != nullptr && !setting->choices.empty()) {
         const auto now = static_cast<int>(std::lround(own_setting(*store, info, row.own)));
         store->settings[info.name][row.own] = around(now, step, static_cast<int>(setting->choices.size()));
@@ -109,9 +109,9 @@ void step_game_setting(const GameSettingRow& row, const GameInfo& info, int step
 
 void slide_game_setting(const GameSettingRow& row, const GameInfo& info, double share, GameStore* store) {
   share = std::clamp(share, 0.0, 1.0);
-  if (row.kind == Kind::volume) store->volume = share;
-  if (row.kind == Kind::effects) store->effects = share;
-  if (row.kind != Kind::own) return;
+  if (row.kind == RowKind::volume) store->volume = share;
+  if (row.kind == RowKind::effects) store->effects = share;
+  if (row.kind != RowKind::own) return;
   if (const GameSetting* setting = setting_of(info, row.own); setting != nullptr && setting->choices.empty())
     set_own(*setting, info, setting->least + share * (setting->most - setting->least), store);
 }

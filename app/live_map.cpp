@@ -34,8 +34,8 @@ void LiveMap::hand_over(const LiveFrame& frame, const LiveEngine& engine, const 
                         const LiveGames& games) {
   if (!engine.saver() || !frame.map) return;
   handed_over_ = SteadyClock::now();
-  engine.saver()->set_extras({frame.map->map_version, frame.map->world_from_first, state.content.items(),
-                              games.states(), scale_is_known_});
+  engine.saver()->set_extras(
+      {frame.map->map_version, frame.map->world_from_first, state.content.items(), games.states(), scale_is_known_});
 }
 
 }  // namespace parallax

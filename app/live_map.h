@@ -1,5 +1,5 @@
-// The map file of the window's session: what was on the map comes back with it, and what the user places is handed to the
-// saver.
+// The map file of the window's session: what was on the map comes back with it, and what the user places is handed to
+// the saver.
 //
 // The window's thread.
 #pragma once

@@ -132,7 +132,10 @@ MapSaverOptions begin_map_file(const std::string& path, const CameraModel& camer
     options->initial_map = open_initial_map(path, camera);
     out.name = options->initial_map->name;
     out.continues = true;
-    out.extras = {kInitialMapVersion, {}, options->initial_map->content, options->initial_map->games,
+    out.extras = {kInitialMapVersion,
+                  {},
+                  options->initial_map->content,
+                  options->initial_map->games,
                   options->initial_map->scale_is_known};
   }
   return out;

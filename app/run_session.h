@@ -75,7 +75,7 @@ struct RunResult {
   std::vector<TrackedWorld> worlds;
   double wall_seconds = 0;
   MapperStatistics mapper;
-  Map map;  // as it was at the end
+  Map map;                                         // as it was at the end
   std::shared_ptr<const MapDocument> initial_map;  // what the session began with, when the map is still that one
   SimilarityTransform world_from_first;
   std::uint64_t map_version = 0;

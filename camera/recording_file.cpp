@@ -8,8 +8,8 @@
 #include <system_error>
 #include <utility>
 
-#include "core/checksum.h"
 #include "core/check.h"
+#include "core/checksum.h"
 #include "core/error.h"
 
 namespace parallax {

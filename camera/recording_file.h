@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "core/image_codec.h"
 #include "core/frame.h"
+#include "core/image_codec.h"
 
 namespace parallax {
 

@@ -1,5 +1,5 @@
-// Lossless compression of images (recordings, map files): each pixel is foretold from its neighbours to the left and above,
-// and zstd packs what is left. Colour is foretold from grey first, of which it is mostly made.
+// Lossless compression of images (recordings, map files): each pixel is foretold from its neighbours to the left and
+// above, and zstd packs what is left. Colour is foretold from grey first, of which it is mostly made.
 #pragma once
 
 #include <cstddef>

@@ -29,16 +29,17 @@ struct Scored {
 }  // namespace
 
 bool Relocaliser::try_pose(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& pose,
-                           TwoStageTracker* tracker, TwoStageResult* result) const {
+                           bool is_guess, TwoStageTracker* tracker, TwoStageResult* result) const {
   TwoStageRequest request;
   request.prior = pose;
   request.coarse_radius_px = kRecoveryCoarseRadius_px;
   request.fine_radius_px = options_.fine_radius_no_coarse_px;
+  request.needs_coarse = is_guess;
   tracker->track(map, frame, request, result);
   if (!result->ok || result->inliers < options_.coarse_min) return false;
   // A second pass from the pose found: what is right stays right and finds more.
   request.prior = result->camera_from_world;
-  request.coarse = false;
+  request.coarse = request.needs_coarse = false;
   request.fine_radius_px = options_.fine_radius_px;
   tracker->track(map, frame, request, result);
   return accept_recovery(*result, camera_, options_);
@@ -50,13 +51,13 @@ bool Relocaliser::recover_by_descriptors(const TrackingSnapshot& map, const Fram
   const std::vector<PoseObservation> matches = matcher_.match(map, frame);
   RigidTransform pose;
   if (!solve_absolute_pose(camera_, matches, AbsolutePoseOptions{}, &rng_, &pose).ok) return false;
-  return try_pose(map, frame, pose, tracker, accepted);
+  return try_pose(map, frame, pose, false, tracker, accepted);
 }
 
 bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& hint,
                           TwoStageTracker* tracker, TwoStageResult* accepted) {
   if (map.keyframes.empty()) return false;
-  if (try_pose(map, frame, hint, tracker, accepted)) return true;
+  if (try_pose(map, frame, hint, true, tracker, accepted)) return true;
 
   std::vector<Scored> scored;
   for (std::size_t i = 0; i < map.keyframes.size(); ++i)
@@ -77,10 +78,10 @@ bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame,
     // The image motion is read as a rotation first, then as a sideways translation at the keyframe's depth.
     const Eigen::Matrix3d rotation = rotation_from_alignment(camera_, alignment);
     const RigidTransform rotated(rotation * kf.camera_from_world.R, rotation * kf.camera_from_world.t);
-    if (try_pose(map, frame, rotated, tracker, accepted)) return true;
+    if (try_pose(map, frame, rotated, true, tracker, accepted)) return true;
     RigidTransform shifted = kf.camera_from_world;
     shifted.t.head<2>() += (alignment.shift.array() / camera_.focal_px().array() * kf.mean_depth).matrix();
-    if (try_pose(map, frame, shifted, tracker, accepted)) return true;
+    if (try_pose(map, frame, shifted, true, tracker, accepted)) return true;
   }
   return recover_by_descriptors(map, frame, tracker, accepted);
 }

@@ -29,7 +29,8 @@ class Relocaliser {
  private:
   bool recover_by_descriptors(const TrackingSnapshot& map, const FrameImages& frame, TwoStageTracker* tracker,
                               TwoStageResult* accepted);
-  bool try_pose(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& pose,
+  // `is_guess`: where the coarse stage leads nowhere, nothing more is tried.
+  bool try_pose(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& pose, bool is_guess,
                 TwoStageTracker* tracker, TwoStageResult* result) const;
 
   CameraModel camera_;

@@ -99,6 +99,10 @@ void TwoStageTracker::track(const TrackingSnapshot& map, const FrameImages& fram
   out->times.projection += lap(&mark);
 
   if (request.coarse) out->coarse_used = coarse_stage(map, frame, request.coarse_radius_px, out);
+  if (request.needs_coarse && !out->coarse_used) {
+    out->ok = false;
+    return;
+  }
   // Without a coarse pose the prior is only as good as the motion model.
   const double radius =
       out->coarse_used ? request.fine_radius_px : std::max(request.fine_radius_px, options_.fine_radius_no_coarse_px);

