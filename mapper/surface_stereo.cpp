@@ -45,13 +45,26 @@ constexpr std::size_t kSameLabels = 2;
 
 // One byte a neighbour of the census: bit 0 brighter, bit 1 darker.
 void code_row(const cv::Mat1b& image, const cv::Mat1b& above, const cv::Mat1b& below, int y, std::size_t k,
-              unsigned char* out) {
+              unsigned char* __restrict out) {
   const auto [dx, dy] = kCensus[k];
-  const unsigned char* near = image[y + dy] + dx;
-  const unsigned char* high = above[y];
-  const unsigned char* low = below[y];
-  for (int x = kReach; x < image.cols - kReach; ++x)
-    out[x] = static_cast<unsigned char>((near[x] > high[x] ? 1 : 0) | (near[x] < low[x] ? 2 : 0));
+  const unsigned char* __restrict near = image[y + dy] + dx;
+  const unsigned char* __restrict high = above[y];
+  const unsigned char* __restrict low = below[y];
+  const int end = image.cols - kReach;
+  for (int x = kReach; x < end; ++x) {
+    const auto brighter = static_cast<unsigned char>(near[x] > high[x]);
+    const auto darker = static_cast<unsigned char>(near[x] < low[x]);
+    out[x] = static_cast<unsigned char>(brighter + 2 * darker);
+  }
+}
+
+// Adds the bits by which two rows of codes differ.
+void add_differences(const unsigned char* __restrict one, const unsigned char* __restrict other, int begin, int end,
+                     unsigned char* __restrict sum) {
+  for (int x = begin; x < end; ++x) {
+    const auto differs = static_cast<unsigned char>(one[x] ^ other[x]);
+    sum[x] = static_cast<unsigned char>(sum[x] + (differs & 1) + (differs >> 1));
+  }
 }
 
 void thresholds(const cv::Mat1b& image, cv::Mat1b* above, cv::Mat1b* below) {
@@ -71,11 +84,7 @@ void census_cost(const std::vector<cv::Mat1b>& codes, const cv::Mat1b& warped, c
     std::fill(out + kReach, out + warped.cols - kReach, static_cast<unsigned char>(0));
     for (std::size_t k = 0; k < kCensus.size(); ++k) {
       code_row(warped, above, below, y, k, code.data());
-      const unsigned char* mine = codes[k][y];
-      for (int x = kReach; x < warped.cols - kReach; ++x) {
-        const auto differs = static_cast<unsigned char>(code[static_cast<std::size_t>(x)] ^ mine[x]);
-        out[x] = static_cast<unsigned char>(out[x] + (differs & 1) + (differs >> 1));
-      }
+      add_differences(code.data(), codes[k][y], kReach, warped.cols - kReach, out);
     }
     const unsigned char* seen = warped[y];
     for (int x = kReach; x < warped.cols - kReach; ++x)
