@@ -35,8 +35,9 @@ constexpr std::size_t kMeasurementBytes = 32;
 
 template <class T>
 void append(T value, std::vector<std::byte>* bytes) {
-  const auto* raw = reinterpret_cast<const std::byte*>(&value);
-  bytes->insert(bytes->end(), raw, raw + sizeof value);
+  const std::size_t before = bytes->size();
+  bytes->resize(before + sizeof value);
+  std::memcpy(bytes->data() + before, &value, sizeof value);
 }
 
 // Takes values off the front.

@@ -104,12 +104,9 @@ struct DrawList {
   // come after them, farthest middle first, each with its back faces before its front faces. They hide nothing by
   // depth.
   std::vector<MeshInstance> meshes;
-  // Real things as the map knows them: they are not seen, and hide what is behind them (meshes, sprites, shadows; not
-  // grids, lines and points).
-  std::vector<std::shared_ptr<const Mesh>> occluders;  // in the frame below
-  Eigen::Affine3f world_from_occluders = Eigen::Affine3f::Identity();
-  // The same for this very frame, as render/occlusion_mask makes it: depth of real things along the camera's z, metres,
-  // spread over the camera's image, of any size; 0: nothing is hidden here. What either hides is hidden.
+  // What real things hide in this frame, as render/occlusion_mask makes it: their depth along the camera's z, metres,
+  // spread over the camera's image, of any size; 0: nothing is hidden here. Meshes, sprites and shadows behind it are not
+  // seen; grids, lines and points are.
   cv::Mat1f occlusion_depth;
   std::vector<Sprite> sprites;  // drawn last of the world's things, farthest first
   std::vector<WorldLine> world_lines;

@@ -143,7 +143,7 @@ void SceneRenderer::draw(const DrawList& list, const Viewport& viewport) {
     // Lines and points have smooth edges of their own; only meshes need several samples.
     const bool with_meshes = has_pose(list) && !list.meshes.empty();
     if (with_meshes || (has_pose(list) && !list.sprites.empty()))
-      self.occlusion.prepare(list, lens, viewport.width, viewport.height, &self.meshes);
+      self.occlusion.prepare(list, viewport.width, viewport.height);
     self.content.begin(viewport.width, viewport.height, with_meshes);
     self.draw_world(list, lens, viewport);
     self.content.end();

@@ -1,8 +1,7 @@
-// What real things hide of the virtual ones (render/gl_occlusion): by their meshes' depth, drawn beforehand for the same
-// pixels, and by a depth image of this frame, which may be coarser than the picture.
-uniform bool has_occluders, has_occlusion_depth;
-uniform sampler2DShadow occluder_depth;  // window depth
-uniform sampler2D occlusion_depth;       // along the camera's z, metres, top row first; 0: nothing
+// What real things hide of the virtual ones (render/gl_occlusion): by a depth image of this frame, which may be coarser
+// than the picture.
+uniform bool has_occlusion_depth;
+uniform sampler2D occlusion_depth;  // along the camera's z, metres, top row first; 0: nothing
 uniform vec2 picture_size;
 
 // 0 where the texel's real thing lies before `z`.
@@ -14,25 +13,14 @@ float seen_past_texel(ivec2 at, ivec2 size, float z) {
 // The share of this fragment that no real thing hides. Depths are compared first and the answers interpolated, so that
 // outlines run smoothly between the texels; they are one pixel of the picture soft.
 float seen_share(float z) {
-  float seen = 1.0;
-  if (has_occluders) {
-    float sum = 0.0;
-    for (int i = 0; i < 4; ++i) {
-      vec2 tap = vec2(i % 2, i / 2) * 0.5 - 0.25;
-      sum += texture(occluder_depth, vec3((gl_FragCoord.xy + tap) / picture_size, gl_FragCoord.z));
-    }
-    seen = 0.25 * sum;
-  }
-  if (has_occlusion_depth && seen > 0.0) {
-    ivec2 size = textureSize(occlusion_depth, 0);
-    vec2 texels_a_pixel = vec2(size) / picture_size;
-    vec2 at = vec2(gl_FragCoord.x, picture_size.y - gl_FragCoord.y) * texels_a_pixel - 0.5;
-    ivec2 corner = ivec2(floor(at));
-    vec2 part = at - vec2(corner);
-    float above = mix(seen_past_texel(corner, size, z), seen_past_texel(corner + ivec2(1, 0), size, z), part.x);
-    float below = mix(seen_past_texel(corner + ivec2(0, 1), size, z), seen_past_texel(corner + ivec2(1, 1), size, z), part.x);
-    float pixels_a_texel = max(1.0 / max(texels_a_pixel.x, texels_a_pixel.y), 1.0);
-    seen *= clamp((mix(above, below, part.y) - 0.5) * pixels_a_texel + 0.5, 0.0, 1.0);
-  }
-  return seen;
+  if (!has_occlusion_depth) return 1.0;
+  ivec2 size = textureSize(occlusion_depth, 0);
+  vec2 texels_a_pixel = vec2(size) / picture_size;
+  vec2 at = vec2(gl_FragCoord.x, picture_size.y - gl_FragCoord.y) * texels_a_pixel - 0.5;
+  ivec2 corner = ivec2(floor(at));
+  vec2 part = at - vec2(corner);
+  float above = mix(seen_past_texel(corner, size, z), seen_past_texel(corner + ivec2(1, 0), size, z), part.x);
+  float below = mix(seen_past_texel(corner + ivec2(0, 1), size, z), seen_past_texel(corner + ivec2(1, 1), size, z), part.x);
+  float pixels_a_texel = max(1.0 / max(texels_a_pixel.x, texels_a_pixel.y), 1.0);
+  return clamp((mix(above, below, part.y) - 0.5) * pixels_a_texel + 0.5, 0.0, 1.0);
 }

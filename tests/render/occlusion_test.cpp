@@ -45,7 +45,7 @@ bool same_inside(const cv::Mat3b& a, const cv::Mat3b& b, const cv::Rect& where) 
   return cv::norm(a(where), b(where), cv::NORM_INF) == 0;
 }
 
-// Occluders of the map: what is wholly behind one is as if it were not there, through every lens.
+// What is wholly behind a real thing is as if it were not there, through every lens.
 TEST(Occlusion, WhatRealThingsHideIsNotDrawn) {
   for (const CameraModel& camera : {kPinhole, kWide}) {
     OffscreenScene scene(kWidth, kHeight);
@@ -54,17 +54,16 @@ TEST(Occlusion, WhatRealThingsHideIsNotDrawn) {
     const cv::Mat3b bare = list.background;
     list.meshes.push_back(instance_of(sphere_mesh(0.1f), {0, 0, 1}, {1, 0, 0, 1}));
     list.sprites.push_back({{0.05f, 0, 1.1f}, 0.1f, {1, 1, 1, 1}, true});
-    list.occluders.push_back(box_mesh({0.8f, 0.8f, 0.05f}));
-    list.world_from_occluders.translation().z() = 2;
+    list.occlusion_depth = cv::Mat1f(kHeight, kWidth, 2.0f);
     EXPECT_GT(cv::norm(scene.draw(list), bare, cv::NORM_INF), 100) << "the real thing is behind";
-    list.world_from_occluders.translation().z() = 0.5f;
+    list.occlusion_depth = 0.5f;
     EXPECT_EQ(cv::norm(scene.draw(list), bare, cv::NORM_INF), 0) << "the real thing is before";
     // Half before it: the other half is drawn as ever.
     list.sprites.clear();
-    list.world_from_occluders.translation().x() = -0.4f;
+    list.occlusion_depth(cv::Rect(80, 0, kWidth - 80, kHeight)).setTo(0);
     const cv::Mat3b half = scene.draw(list);
     EXPECT_TRUE(same_inside(half, bare, {0, 0, 78, kHeight}));
-    list.occluders.clear();
+    list.occlusion_depth.release();
     EXPECT_TRUE(same_inside(half, scene.draw(list), {82, 0, kWidth - 82, kHeight}));
   }
 }
@@ -78,9 +77,8 @@ TEST(Occlusion, HidesShadowsAndNotLines) {
   list.shadow_plane = RigidTransform();
   list.meshes.push_back(instance_of(box_mesh({0.08f, 0.08f, 0.08f}), {0, 0, 0.05f}, {1, 1, 1, 1}));
   EXPECT_GT(cv::norm(scene.draw(list), bare, cv::NORM_INF), 50);
-  list.occluders.push_back(box_mesh({0.9f, 0.02f, 0.9f}));
-  list.world_from_occluders.translation() = Eigen::Vector3f(0, -0.16f, 0);
-  EXPECT_LE(cv::norm(scene.draw(list), bare, cv::NORM_INF), 1) << "the faintest of the shadow falls before the wall";
+  list.occlusion_depth = cv::Mat1f(kHeight, kWidth, 0.1f);
+  EXPECT_EQ(cv::norm(scene.draw(list), bare, cv::NORM_INF), 0) << "a wall before all of it";
   list.world_lines.push_back({{-0.2f, 0.1f, 0}, {0.2f, 0.1f, 0}, {1, 0, 0, 1}, 3});
   EXPECT_GT(cv::norm(scene.draw(list), bare, cv::NORM_INF), 100) << "marks on the plane are always seen";
 }
