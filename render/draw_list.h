@@ -105,8 +105,8 @@ struct DrawList {
   // depth.
   std::vector<MeshInstance> meshes;
   // What real things hide in this frame, as render/occlusion_mask makes it: their depth along the camera's z, metres,
-  // spread over the camera's image, of any size; 0: nothing is hidden here. Meshes, sprites and shadows behind it are not
-  // seen; grids, lines and points are.
+  // spread over the camera's image, of any size; 0: nothing is hidden here. Meshes, sprites and shadows behind it are
+  // not seen; grids, lines and points are.
   cv::Mat1f occlusion_depth;
   std::vector<Sprite> sprites;  // drawn last of the world's things, farthest first
   std::vector<WorldLine> world_lines;
