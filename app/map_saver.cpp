@@ -6,10 +6,36 @@
 
 #include "app/session_hash.h"
 #include "camera/calibration_file.h"
+#include "core/checksum.h"
 #include "core/error.h"
 #include "map/map_file.h"
 
 namespace parallax {
+
+namespace {
+
+// Of all that a save would change.
+std::uint64_t hash_of(const MapDocument& document) {
+  std::uint64_t sum = hash_of(document.map);
+  const auto add = [&sum](const void* data, std::size_t size) { sum = checksum(data, size, sum); };
+  for (const ContentItem& item : document.content) {
+    add(&item.id, sizeof item.id);
+    add(item.text.data(), item.text.size());
+    add(&item.world_from_item.s, sizeof item.world_from_item.s);
+    add(item.world_from_item.R.data(), sizeof(double) * 9);
+    add(item.world_from_item.t.data(), sizeof(double) * 3);
+    add(&item.size_m, sizeof item.size_m);
+    add(item.end_in_item.data(), sizeof(double) * 3);
+  }
+  for (const auto& [name, state] : document.games) {
+    add(name.data(), name.size());
+    add(state.data(), state.size());
+  }
+  add(&document.scale_is_known, sizeof document.scale_is_known);
+  return sum;
+}
+
+}  // namespace
 
 // The file of one map, and what of it is in there.
 class MapSaver::Target {
@@ -76,9 +102,7 @@ bool MapSaver::save() {
       document.scale_is_known = extras_.scale_is_known;
     }
   }
-  std::uint64_t hash = hash_of(document.map);
-  for (const ContentItem& item : document.content) hash = hash * 31 + std::hash<std::string>()(item.text) + item.id;
-  for (const auto& [name, state] : document.games) hash = hash * 31 + std::hash<std::string>()(name + state);
+  const std::uint64_t hash = hash_of(document);
 
   bool another = false;
   if (!target_ || target_->map_version != copy.map_version) {

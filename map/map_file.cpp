@@ -85,7 +85,11 @@ void MapFile::save_images(const Map& map, bool all) {
       SqliteStatement statement(database_.get(), "SELECT keyframe FROM image");
       while (statement.next()) {
         const auto index = static_cast<std::int32_t>(statement.take_integer());
-        (map.keyframes.contains({0, index}) ? there.insert(index), 0 : (gone.push_back(index), 0));
+        if (map.keyframes.contains({0, index})) {
+          there.insert(index);
+        } else {
+          gone.push_back(index);
+        }
       }
     }
     SqliteStatement erase(database_.get(), "DELETE FROM image WHERE keyframe = ?");

@@ -17,7 +17,7 @@ inline constexpr std::int64_t kApplicationId = 0x504c584d;
 
 // What makes a file of version v out of one of version v - 1 (index 0: version 1 out of nothing).
 std::span<const char* const> migrations();
-// The statements that make the tables of the newest version, as SQLite keeps them: name and text.
+// The tables of the newest version.
 inline constexpr const char* kTables[] = {"meta", "keyframe", "image", "point", "plane", "content", "game"};
 
 // Little-endian, no padding.

@@ -249,6 +249,25 @@ TEST_F(MapSaverTest, ContentFollowsAWorldThatMovedMeanwhile) {
   EXPECT_EQ(document.games.at("swarm"), "state");
 }
 
+// The map rests; only what stands on it changes.
+TEST_F(MapSaverTest, WhatTheUserMovesIsSavedThoughTheMapRests) {
+  MapExtras extras;
+  extras.map_version = 1;
+  extras.content.resize(1);
+  extras.content[0].id = 1;
+  MapSaver saver(options(folder_.file("map")), [this] { return shared_.copy(); });
+  saver.set_extras(extras);
+  // The first save may have come before the extras.
+  wait_until([&] { return saver.saves() > 0 && read_map_file(folder_.file("map")).content.size() == 1; });
+  extras.content[0].world_from_item.t = {0.5, 0, 0};
+  saver.set_extras(extras);
+  wait_until([&] { return read_map_file(folder_.file("map")).content.at(0).position().x() == 0.5; });
+  extras.scale_is_known = true;
+  saver.set_extras(extras);
+  saver.finish();
+  EXPECT_TRUE(read_map_file(folder_.file("map")).scale_is_known);
+}
+
 TEST_F(MapSaverTest, SavesWhenSomethingChangedAndNotElse) {
   MapSaver saver(options(folder_.file("map")), [this] { return shared_.copy(); });
   wait_until([&] { return saver.saves() == 1; });
