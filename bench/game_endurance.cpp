@@ -76,7 +76,7 @@ class Desk {
   }
   void grow() {
     const double factor = random_.between(1.03, 1.4);
-    if (field_.radius_m * factor > 3) return begin();
+    if (field_.radius_m * factor > 3 * field_.scale) return begin();  // a real table ends somewhere
     for (Eigen::Vector2d& corner : field_.outline_m) corner *= factor;
     field_.radius_m *= factor;
     look_again();

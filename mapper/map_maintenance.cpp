@@ -22,6 +22,10 @@ constexpr double kSourceShift_px = 1.0;
 constexpr double kSidewaysCosine = 0.5;
 // Searches that count: all counts are halved beyond, so that a point that has changed is not kept for its past.
 constexpr int kCountMemory = 1000;
+// Searches of earlier days that count.
+constexpr int kEarlierDays = 10;
+// What has to be redundant of a keyframe of a map that is as large as it may be.
+constexpr double kLeastRedundantPart = 0.3;
 // Hidden: most of at least so many points around it (tangent of the angle) in a keyframe that looked for it in vain are
 // nearer by this part.
 constexpr int kOccluderPoints = 3;
@@ -96,7 +100,26 @@ void remove_one(Map* map, const CameraModel& camera, KeyframeId id) {
   map->erase_keyframe(id);
 }
 
+// How redundant a keyframe must be to go from a map of this size.
+double redundant_enough(const MapperOptions& options, int keyframes) {
+  if (options.max_keyframes == 0) return options.redundant_part;
+  if (keyframes > options.max_keyframes) return -1;
+  const double full = static_cast<double>(keyframes - options.cull_above_keyframes) /
+                      (options.max_keyframes - options.cull_above_keyframes);
+  return options.redundant_part + full * (std::min(options.redundant_part, kLeastRedundantPart) - options.redundant_part);
+}
+
 }  // namespace
+
+void age_counts(Map* map) {
+  for (MapPoint& p : map->points) {
+    if (p.searched <= kEarlierDays) continue;
+    const double keep = static_cast<double>(kEarlierDays) / p.searched;
+    p.found = static_cast<int>(std::lround(p.found * keep));
+    p.pose_outliers = static_cast<int>(std::lround(p.pose_outliers * keep));
+    p.searched = kEarlierDays;
+  }
+}
 
 int apply_counts(SharedMap* map, const MapperOptions& options, const PointCounts& counts) {
   return map->write([&](Map& m) {
@@ -141,8 +164,8 @@ bool cull_redundant_keyframe(SharedMap* map, const CameraModel& camera, const Ma
                              KeyframeId newest) {
   const KeyframeId victim = map->read([&](const Map& m) {
     KeyframeId worst;
-    double worst_part = options.redundant_part;
     if (m.keyframes.size() <= options.cull_above_keyframes) return worst;
+    double worst_part = redundant_enough(options, m.keyframes.size());
     // By point, how many keyframes measure it at each level or a finer one.
     std::vector<std::array<std::uint16_t, kPyramidLevels>> measured(static_cast<std::size_t>(m.points.capacity()));
     for (const Keyframe& kf : m.keyframes) {
@@ -170,6 +193,36 @@ bool cull_redundant_keyframe(SharedMap* map, const CameraModel& camera, const Ma
   if (!victim.valid()) return false;
   remove_keyframes(map, camera, {victim});
   return true;
+}
+
+int retire_keyframes(SharedMap* map, const CameraModel& camera, const MapperOptions& options, KeyframeId newest) {
+  const auto is_empty = [&](const Keyframe& kf) {
+    return kf.id != newest && static_cast<int>(kf.measurements.size()) < options.min_keyframe_measurements;
+  };
+  const bool any = map->read([&](const Map& m) {
+    if (m.keyframes.size() <= 2) return false;
+    for (const Keyframe& kf : m.keyframes)
+      if (is_empty(kf)) return true;
+    return false;
+  });
+  if (!any) return 0;
+  return map->write([&](Map& m) {
+    std::vector<KeyframeId> gone;
+    Keyframe* largest = nullptr;
+    for (Keyframe& kf : m.keyframes) {
+      if (is_empty(kf)) gone.push_back(kf.id);
+      if (!largest || kf.measurements.size() > largest->measurements.size()) largest = &kf;
+    }
+    const KeyframeId stays = largest->id;
+    int count = 0;
+    for (KeyframeId id : gone) {
+      if (id == stays || m.keyframes.size() <= 2) continue;
+      if (m.keyframes.at(id).fixed) m.keyframes.at(stays).fixed = true;
+      remove_one(&m, camera, id);
+      ++count;
+    }
+    return count;
+  });
 }
 
 int merge_duplicates(SharedMap* map, KeyframeId keyframe) {

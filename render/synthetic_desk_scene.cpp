@@ -18,7 +18,7 @@ constexpr double kTablePxPerMetre = 1600;
 
 class DeskBuilder {
  public:
-  explicit DeskBuilder(std::uint64_t seed) : rng_(0x5eed0000u + seed * 7919u) {
+  DeskBuilder(std::uint64_t seed, int day) : seed_(seed), day_(day), rng_(0x5eed0000u + seed * 7919u) {
     for (int i = 0; i < 20; ++i) rng_.next();
   }
 
@@ -45,6 +45,19 @@ class DeskBuilder {
       return p;
     });
   }
+  // Where the next thing stands on this day: each morning one in three has been moved, within the reach of an arm and
+  // not off the table. What it looks like does not change.
+  void rearrange(Vector2d* at, double* yaw) {
+    const std::uint64_t thing = things_++;
+    for (int day = 1; day <= day_; ++day) {
+      cv::RNG rng((seed_ * 1000003u + thing) * 1000003u + static_cast<std::uint64_t>(day));
+      for (int i = 0; i < 8; ++i) rng.next();
+      if (rng.uniform(0.0, 1.0) > 1.0 / 3) continue;
+      const Vector2d to = *at + Vector2d(rng.uniform(-0.25, 0.25), rng.uniform(-0.2, 0.2));
+      *at = to.cwiseMax(Vector2d(-0.72, -0.4)).cwiseMin(Vector2d(0.72, 0.4));
+      *yaw += rng.uniform(-1.0, 1.0);
+    }
+  }
   double jitter(double half) { return rng_.uniform(-half, half); }
 
   void shadow(const Vector2d& centre, const Vector2d& size, double yaw) {
@@ -68,11 +81,13 @@ class DeskBuilder {
     scene_.add_rectangle(Vector3d(at.x(), at.y(), z) - ex * size.x() / 2 + ey * size.y() / 2, ex * size.x(),
                          -ey * size.y(), texture);
   }
-  void can(const Vector2d& at, double radius, double height, double yaw, int label, int lid, bool open = false) {
+  void can(Vector2d at, double radius, double height, double yaw, int label, int lid, bool open = false) {
+    rearrange(&at, &yaw);
     scene_.add_can(at, 0.0005, radius, height, yaw, label, lid, open);
     shadow(at, {1.8 * radius, 1.8 * radius}, 0.4);
   }
-  void books(const Vector2d& at, int count, double yaw) {
+  void books(Vector2d at, int count, double yaw) {
+    rearrange(&at, &yaw);
     double z = 0.0005;
     for (int i = 0; i < count; ++i) {
       const double thick = rng_.uniform(0.014, 0.034);
@@ -89,8 +104,13 @@ class DeskBuilder {
     const int metal = plain({150, 152, 155}), coffee = plain({22, 36, 58}), dark = plain({40, 38, 38});
     // Papers and photographs, each a little higher than the last.
     double z = 0.0008;
-    const auto lay = [&](const Vector2d& at, const Vector2d& size, double yaw, int texture) {
+    const auto lay = [&](Vector2d at, const Vector2d& size, double yaw, int texture) {
+      rearrange(&at, &yaw);
       sheet(at + Vector2d(jitter(0.02), jitter(0.02)), z += 0.0004, size, yaw + jitter(0.1), texture);
+    };
+    const auto thing = [&](Vector2d at, double bottom, const Vector3d& size, double yaw, int top, int front, int side) {
+      rearrange(&at, &yaw);
+      box(at, bottom, size, yaw, top, front, side);
     };
     const Vector2d a4(0.21, 0.297);
     lay({-0.52, -0.26}, a4, 0.25, page());
@@ -105,15 +125,16 @@ class DeskBuilder {
     lay({-0.10, 0.24}, {0.076, 0.076}, 0.3, plain({180, 120, 235}));
     lay({0.30, -0.11}, {0.076, 0.076}, -0.2, plain({90, 225, 240}));
 
-    box({0.04, -0.05}, 0.0005, {0.44, 0.15, 0.022}, -0.04, picture(1056, 384, paint::keyboard), dark, dark);
-    box({0.335, -0.07}, 0.0005, {0.062, 0.105, 0.03}, -0.15, plain({58, 54, 52}), dark, dark);
+    thing({0.04, -0.05}, 0.0005, {0.44, 0.15, 0.022}, -0.04, picture(1056, 384, paint::keyboard), dark, dark);
+    thing({0.335, -0.07}, 0.0005, {0.062, 0.105, 0.03}, -0.15, plain({58, 54, 52}), dark, dark);
     books({-0.58, 0.26}, 4, 0.2);
     books({0.62, -0.12}, 2, -0.35);
     books({-0.32, 0.40}, 3, -0.1);
     const auto carton = [&](const Vector2d& at, const Vector3d& size, double yaw) {
       const double k = 1500;
-      box(at, 0.0005, size, yaw, picture(size.x() * k, size.y() * k, paint::cardboard),
-          picture(size.x() * k, size.z() * k, paint::cardboard), picture(size.y() * k, size.z() * k, paint::cardboard));
+      thing(at, 0.0005, size, yaw, picture(size.x() * k, size.y() * k, paint::cardboard),
+            picture(size.x() * k, size.z() * k, paint::cardboard),
+            picture(size.y() * k, size.z() * k, paint::cardboard));
     };
     carton({-0.40, 0.20}, {0.11, 0.07, 0.16}, 0.3);
     carton({0.26, 0.20}, {0.12, 0.09, 0.08}, -0.25);
@@ -132,7 +153,8 @@ class DeskBuilder {
     const int screen = picture(1056, 608, paint::screen);
     box({0.14, 0.37}, 0.13, {0.52, 0.025, 0.3}, 0.05, dark, screen, dark);
     for (int i = 0; i < 9; ++i)  // pens and pencils
-      box({jitter(0.7), -0.25 + jitter(0.2)}, 0.0032 + 0.0001 * i, {0.14, 0.007, 0.007}, jitter(1.5), dark, dark, dark);
+      thing({jitter(0.7), -0.25 + jitter(0.2)}, 0.0032 + 0.0001 * i, {0.14, 0.007, 0.007}, jitter(1.5), dark, dark,
+            dark);
     for (int i = 0; i < 10; ++i) {  // dice and erasers
       const double side = rng_.uniform(0.014, 0.03);
       const int face = picture(64, 64, [](cv::Size s, cv::RNG& rng) {
@@ -140,7 +162,7 @@ class DeskBuilder {
         paint::add_collage(p, 5, 10, 40, rng);
         return p;
       });
-      box({jitter(0.75), 0.05 + jitter(0.22)}, 0.0005, {side, side * 0.8, side * 0.7}, jitter(1.5), face, face, face);
+      thing({jitter(0.75), 0.05 + jitter(0.22)}, 0.0005, {side, side * 0.8, side * 0.7}, jitter(1.5), face, face, face);
     }
   }
 
@@ -214,6 +236,9 @@ class DeskBuilder {
     }
   }
 
+  const std::uint64_t seed_;
+  const int day_;
+  std::uint64_t things_ = 0;  // asked for by rearrange()
   cv::RNG rng_;
   SyntheticScene scene_;
   cv::Mat1f shadows_;
@@ -221,6 +246,6 @@ class DeskBuilder {
 
 }  // namespace
 
-SyntheticScene build_desk_scene(std::uint64_t seed) { return DeskBuilder(seed).build(); }
+SyntheticScene build_desk_scene(std::uint64_t seed, int day) { return DeskBuilder(seed, day).build(); }
 
 }  // namespace parallax

@@ -6,6 +6,7 @@
 #include <map>
 #include <mutex>
 #include <numbers>
+#include <tuple>
 #include <utility>
 
 #include "core/check.h"
@@ -113,14 +114,14 @@ double SyntheticScene::shading(const Vector3d& normal) {
   return 0.62 + 0.08 * normal.z() + 0.34 * std::max(0.0, normal.dot(lamp));
 }
 
-std::shared_ptr<const SyntheticScene> synthetic_scene(const std::string& name, std::uint64_t seed) {
+std::shared_ptr<const SyntheticScene> synthetic_scene(const std::string& name, std::uint64_t seed, int day) {
   static std::mutex mutex;
-  static std::map<std::pair<std::string, std::uint64_t>, std::weak_ptr<const SyntheticScene>> scenes;
+  static std::map<std::tuple<std::string, std::uint64_t, int>, std::weak_ptr<const SyntheticScene>> scenes;
   const std::scoped_lock lock(mutex);
-  auto& slot = scenes[{name, seed}];
+  auto& slot = scenes[{name, seed, day}];
   auto scene = slot.lock();
   if (!scene) {
-    scene = std::make_shared<const SyntheticScene>(build_synthetic_scene(name, seed));
+    scene = std::make_shared<const SyntheticScene>(build_synthetic_scene(name, seed, day));
     slot = scene;
   }
   return scene;

@@ -73,8 +73,9 @@ class SyntheticScene {
 };
 
 // Scenes by name: "desk", "walls", "repeat", "blank", "room", "board", "circle board". The same name and seed give the
-// same scene, and one that is still in use somewhere is shared instead of being painted again. Callable from any
-// thread. CHECK on any other name.
-std::shared_ptr<const SyntheticScene> synthetic_scene(const std::string& name, std::uint64_t seed);
+// same scene, and one that is still in use somewhere is shared instead of being painted again. `day`: on each day after
+// day 0 a third of the things on the desk stand elsewhere than the day before (desk only). Callable from any thread.
+// CHECK on any other name.
+std::shared_ptr<const SyntheticScene> synthetic_scene(const std::string& name, std::uint64_t seed, int day = 0);
 
 }  // namespace parallax

@@ -131,8 +131,8 @@ SyntheticScene build_room_scene(std::uint64_t seed) {
   return scene;
 }
 
-SyntheticScene build_synthetic_scene(const std::string& name, std::uint64_t seed) {
-  if (name == "desk") return build_desk_scene(seed);
+SyntheticScene build_synthetic_scene(const std::string& name, std::uint64_t seed, int day) {
+  if (name == "desk") return build_desk_scene(seed, day);
   if (name == "walls") return build_walls_scene(seed);
   if (name == "repeat") return build_repeat_scene(seed);
   if (name == "blank") return build_blank_scene();

@@ -8,11 +8,13 @@
 
 namespace parallax {
 
-SyntheticScene build_synthetic_scene(const std::string& name, std::uint64_t seed);
+SyntheticScene build_synthetic_scene(const std::string& name, std::uint64_t seed, int day = 0);
 
 // A cluttered table top at z = 0, 1.7 m by 1.0 m about the origin, in a room with walls, shelf and floor; and, 20 m to
-// the right and out of sight, a second corner with other furniture about (20, 0, 0) that `shakes` visits.
-SyntheticScene build_desk_scene(std::uint64_t seed);
+// the right and out of sight, a second corner with other furniture about (20, 0, 0) that `shakes` visits. Day: as in
+// synthetic_scene(); at most kLastSyntheticDay.
+SyntheticScene build_desk_scene(std::uint64_t seed, int day = 0);
+inline constexpr int kLastSyntheticDay = 1000;
 // PTAM §7.3: two textured walls at right angles, y = 2.5 and x = kWallsCornerX, 6 m high.
 SyntheticScene build_walls_scene(std::uint64_t seed);
 // A table of strictly repeating tiles with a repeating wall, and three small unique things.

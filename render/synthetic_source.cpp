@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "render/synthetic_board.h"
 #include "render/synthetic_raycaster.h"
+#include "render/synthetic_scenes.h"
 #include "render/synthetic_sensor.h"
 
 namespace parallax {
@@ -46,11 +47,11 @@ constexpr Preset kPresets[] = {
 
 SyntheticMotion motion_of(const std::string& name, const SyntheticOptions& options) {
   if (name == "walls") return walls_motion(options.frames);
-  if (name == "shakes") return shakes_motion(options.seed);
-  if (name == "rotation") return rotation_motion(options.seed);
-  if (name == "room") return room_motion(options.seed);
-  if (name == "board") return board_motion(options.camera, options.seed);
-  return desk_motion(options.seed);
+  if (name == "shakes") return shakes_motion(options.motion_seed());
+  if (name == "rotation") return rotation_motion(options.motion_seed());
+  if (name == "room") return room_motion(options.motion_seed());
+  if (name == "board") return board_motion(options.camera, options.motion_seed());
+  return desk_motion(options.motion_seed());
 }
 
 [[noreturn]] void bad_value(const std::string& name, const std::string& key, const std::string& value,
@@ -71,6 +72,12 @@ Number parse_number(const std::string& name, const std::string& key, const std::
 void set_key(const std::string& name, const std::string& key, const std::string& value, SyntheticOptions* o) {
   if (key == "seed") {
     o->seed = parse_number<std::uint64_t>(name, key, value, 0, UINT32_MAX, "a whole number from 0 to 4294967295");
+  } else if (key == "walk") {
+    o->walk = parse_number<std::uint64_t>(name, key, value, 0, UINT32_MAX, "a whole number from 0 to 4294967295");
+  } else if (key == "day" && o->scene == "desk") {
+    o->day = parse_number(name, key, value, 0, kLastSyntheticDay, "a whole number from 0 to 1000");
+  } else if (key == "light") {
+    o->light = parse_number(name, key, value, 0.05, 4.0, "a factor from 0.05 to 4");
   } else if (key == "frames") {
     o->frames = parse_number(name, key, value, 1, kMaxFrames, "a whole number from 1 to 100000000");
   } else if (key == "noise") {
@@ -101,8 +108,8 @@ void set_key(const std::string& name, const std::string& key, const std::string&
     o->scene = value == "chessboard" ? "board" : "circle board";
   } else {
     throw InputError("synthetic:" + name + ": unknown key '" + key +
-                     "', expected one of seed, frames, lens, size, noise, blur, threads" +
-                     (name == "board" ? ", target" : ""));
+                     "', expected one of seed, walk, light, frames, lens, size, noise, blur, threads" +
+                     (name == "board" ? ", target" : "") + (o->scene == "desk" ? ", day" : ""));
   }
 }
 
@@ -117,7 +124,7 @@ SyntheticSource::SyntheticSource(const std::string& description, const Synthetic
   if (!(options.exposure_s >= 0 && options.exposure_s <= 1 / kSyntheticFps))
     throw InputError(description + ": exposure: found " + std::to_string(options.exposure_s) +
                      " s, expected 0 to one frame");
-  scene_ = synthetic_scene(options.scene, options.seed);
+  scene_ = synthetic_scene(options.scene, options.seed, options.day);
   caster_ = std::make_unique<RayCaster>(scene_, options.camera, options.threads);
   next_ = std::max(0, source_options.start_frame);
 }
@@ -171,11 +178,11 @@ Frame SyntheticSource::frame(int index) {
   cv::Mat3f colour;
   caster_->render(poses, &grey, source_options_.colour ? &colour : nullptr);
   SensorSettings sensor;
-  sensor.gain = motion_.gain(index);
+  sensor.gain = motion_.gain(index) * options_.light;
   sensor.vignetting = options_.vignetting;
   sensor.cover = motion_.cover(index);
   sensor.noise = options_.noise;
-  sensor.seed = options_.seed * 0x100000000u + static_cast<std::uint64_t>(index);
+  sensor.seed = options_.motion_seed() * 0x100000000u + static_cast<std::uint64_t>(index);
   Frame frame;
   frame.index = index;
   frame.time = time(index);

@@ -9,9 +9,10 @@
 //   blank     nothing but one grey
 //   room      circling in a furnished room, for as long as one likes
 //   board     a calibration board on a table, visited as for a calibration, still at every view (synthetic_board.h)
-// Keys: seed (scene, motion and noise), frames, lens (pinhole, radtan, kannala_brandt, fov: another lens of about the
-// same width), size (WIDTHxHEIGHT), noise (grey levels), blur (exposure time, milliseconds), threads; of `board` also
-// target (chessboard or circles).
+// Keys: seed (scene, motion and noise), walk (another seed for motion and noise), day (of `desk` and what is seen on
+// it: each day a third of the things have been moved), light (brightness factor), frames, lens (pinhole, radtan,
+// kannala_brandt, fov: another lens of about the same width), size (WIDTHxHEIGHT), noise (grey levels), blur (exposure
+// time, milliseconds), threads; of `board` also target (chessboard or circles).
 //
 // Frames are a pure function of name and index: the same on every machine run after run, in any order, with any number
 // of threads, whether or not colour is asked for. Stamped poses are those of the middle of the exposure. World: z up,
@@ -36,14 +37,19 @@ class RayCaster;
 
 // What a sequence is made of, after its name has been read. Also for tests that want a set-up of their own.
 struct SyntheticOptions {
-  std::string scene = "desk";  // for synthetic_scene()
-  std::uint64_t seed = 1;
+  std::string scene = "desk";         // for synthetic_scene()
+  std::uint64_t seed = 1;             // of the scene, and of all else unless `walk` is given
+  std::optional<std::uint64_t> walk;  // of motion and noise
+  int day = 0;                        // see synthetic_scene()
+  double light = 1;                   // factor on the brightness
   int frames = 400;
   CameraModel camera;
   double exposure_s = 0.010;  // 0: no motion blur
   double noise = 2.0;         // standard deviation of the sensor noise, grey levels
   double vignetting = 0.15;   // loss of light in the image corner, 0..1
   int threads = 1;
+
+  std::uint64_t motion_seed() const { return walk.value_or(seed); }
 };
 
 class SyntheticSource final : public FrameSource {

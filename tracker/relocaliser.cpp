@@ -1,6 +1,7 @@
 #include "tracker/relocaliser.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "solver/absolute_pose.h"
 #include "tracker/tracking_quality.h"
@@ -9,6 +10,9 @@ namespace parallax {
 namespace {
 
 constexpr double kRecoveryCoarseRadius_px = 45;
+// A candidate pose is looked at with so many points first. Where fewer than this part support it, no more are asked.
+constexpr int kFirstLookPoints = 120;
+constexpr double kFirstLookPart = 0.15;
 // A candidate's small image must be explained to this part of its own variance after alignment.
 constexpr double kMaxUnexplained = 0.9;
 
@@ -35,11 +39,14 @@ bool Relocaliser::try_pose(const TrackingSnapshot& map, const FrameImages& frame
   request.coarse_radius_px = kRecoveryCoarseRadius_px;
   request.fine_radius_px = options_.fine_radius_no_coarse_px;
   request.needs_coarse = is_guess;
+  request.first_look_points = kFirstLookPoints;
   tracker->track(map, frame, request, result);
-  if (!result->ok || result->inliers < options_.coarse_min) return false;
+  const int asked = std::accumulate(result->attempted.begin(), result->attempted.end(), 0);
+  if (!result->ok || result->inliers < std::max<double>(options_.coarse_min, kFirstLookPart * asked)) return false;
   // A second pass from the pose found: what is right stays right and finds more.
   request.prior = result->camera_from_world;
   request.coarse = request.needs_coarse = false;
+  request.first_look_points = 0;
   request.fine_radius_px = options_.fine_radius_px;
   tracker->track(map, frame, request, result);
   return accept_recovery(*result, camera_, options_);
@@ -75,10 +82,11 @@ bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame,
     const SnapshotKeyframe& kf = map.keyframes[row];
     const SmallImageAlignment alignment = align_small_images(kf.images->small, frame.small);
     if (!alignment.converged || alignment.mean_squared_difference > kMaxUnexplained * frame_variance) continue;
-    // The image motion is read as a rotation first, then as a sideways translation at the keyframe's depth.
+    // The image motion is read as a rotation; for the most alike then as a sideways translation at the keyframe's depth.
     const Eigen::Matrix3d rotation = rotation_from_alignment(camera_, alignment);
     const RigidTransform rotated(rotation * kf.camera_from_world.R, rotation * kf.camera_from_world.t);
     if (try_pose(map, frame, rotated, true, tracker, accepted)) return true;
+    if (row != rows.front()) continue;
     RigidTransform shifted = kf.camera_from_world;
     shifted.t.head<2>() += (alignment.shift.array() / camera_.focal_px().array() * kf.mean_depth).matrix();
     if (try_pose(map, frame, shifted, true, tracker, accepted)) return true;

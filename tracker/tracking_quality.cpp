@@ -10,6 +10,12 @@ namespace {
 constexpr int kMinCoarseAttempts = 10;
 // Part of the matches that must agree with the pose.
 constexpr double kMinInlierPart = 0.5;
+// Cells of 4 x 4 over the image that inliers must be in: a wrong pose finds its support in one textured corner.
+constexpr int kMinCells = 4;
+// Where much has been moved since the map was made, fewer of the points are found. Then they must agree with each other
+// better than chance or a single thing that was moved can make them.
+constexpr int kChangedMinInliers = 100, kChangedMinCells = 7;
+constexpr double kChangedMinFraction = 0.18, kChangedMinAgreement = 0.85, kChangedMaxSigma = 0.6;
 
 struct Fractions {
   double all = 0, coarse = 0;
@@ -44,8 +50,6 @@ TrackingQuality assess_quality(const TwoStageResult& result, const TrackerOption
 bool accept_recovery(const TwoStageResult& result, const CameraModel& camera, const TrackerOptions& options) {
   if (assess_quality(result, options) == TrackingQuality::lost) return false;
   if (result.inliers < options.recovery_min_inliers) return false;
-  if (found_fractions(result).all < options.recovery_min_fraction) return false;
-  // Inliers in at least 4 of 16 cells: a wrong pose finds its support in one textured corner.
   std::array<bool, 16> cell{};
   for (const MatchedPoint& m : result.matches) {
     if (m.weight <= 0) continue;
@@ -53,7 +57,12 @@ bool accept_recovery(const TwoStageResult& result, const CameraModel& camera, co
     const int cy = std::clamp(static_cast<int>(m.pixel.y() * 4 / camera.height()), 0, 3);
     cell[cy * 4 + cx] = true;
   }
-  return std::count(cell.begin(), cell.end(), true) >= 4;
+  const auto cells = std::count(cell.begin(), cell.end(), true);
+  if (found_fractions(result).all >= options.recovery_min_fraction) return cells >= kMinCells;
+  const int found = std::accumulate(result.found.begin(), result.found.end(), 0);
+  return found_fractions(result).all >= kChangedMinFraction && cells >= kChangedMinCells &&
+         result.inliers >= kChangedMinInliers && result.inliers >= kChangedMinAgreement * found &&
+         result.sigma <= kChangedMaxSigma;
 }
 
 }  // namespace parallax

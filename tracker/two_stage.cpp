@@ -74,17 +74,19 @@ bool TwoStageTracker::coarse_stage(const TrackingSnapshot& map, const FrameImage
 }
 
 void TwoStageTracker::fine_stage(const TrackingSnapshot& map, const FrameImages& frame, double radius_px,
-                                 TwoStageResult* out) {
+                                 int first_look_points, TwoStageResult* out) {
   auto mark = SteadyClock::now();
+  const int points = first_look_points > 0 ? first_look_points : options_.fine_points;
+  const bool align_directly = first_look_points == 0 && options_.align_without_corner;
   std::vector<Candidate>& fine = candidates_;
   std::erase_if(fine, [&](const Candidate& c) { return tried_[c.row] != 0; });
   choose_spread(fine, map, camera_.width(), camera_.height(),
-                options_.fine_points - static_cast<int>(out->matches.size() + out->missed.size()), &chosen_);
+                points - static_cast<int>(out->matches.size() + out->missed.size()), &chosen_);
   out->times.projection += lap(&mark);
   for (int i : chosen_) {
     Candidate candidate = fine[i];
     if (out->coarse_used && !projector_.project_one(map, candidate.row, out->camera_from_world, &candidate)) continue;
-    try_candidate(map, frame, candidate, radius_px, options_.align_without_corner, out);
+    try_candidate(map, frame, candidate, radius_px, align_directly, out);
   }
   out->times.search += lap(&mark);
 }
@@ -106,7 +108,7 @@ void TwoStageTracker::track(const TrackingSnapshot& map, const FrameImages& fram
   // Without a coarse pose the prior is only as good as the motion model.
   const double radius =
       out->coarse_used ? request.fine_radius_px : std::max(request.fine_radius_px, options_.fine_radius_no_coarse_px);
-  fine_stage(map, frame, radius, out);
+  fine_stage(map, frame, radius, request.first_look_points, out);
   mark = SteadyClock::now();
   refine(map, out);
   out->times.pose += lap(&mark);

@@ -19,6 +19,8 @@ struct TwoStageRequest {
   bool needs_coarse = false;     // the prior is a guess: where the coarse stage finds no pose, it ends (not ok)
   double coarse_radius_px = 30;  // level 0
   double fine_radius_px = 8;
+  // A first look at a guess: so many points in both stages together, and only at corners. 0: as the options say.
+  int first_look_points = 0;
 };
 
 struct MatchedPoint {
@@ -54,7 +56,8 @@ class TwoStageTracker {
 
  private:
   bool coarse_stage(const TrackingSnapshot& map, const FrameImages& frame, double radius_px, TwoStageResult* out);
-  void fine_stage(const TrackingSnapshot& map, const FrameImages& frame, double radius_px, TwoStageResult* out);
+  void fine_stage(const TrackingSnapshot& map, const FrameImages& frame, double radius_px,
+                  int first_look_points, TwoStageResult* out);
   void try_candidate(const TrackingSnapshot& map, const FrameImages& frame, const Candidate& candidate,
                      double radius_px, bool align_directly, TwoStageResult* out);
   void refine(const TrackingSnapshot& map, TwoStageResult* out);

@@ -133,6 +133,71 @@ TEST_F(MapMaintenanceTest, AKeyframeThatIsNeededIsNotCulled) {
   EXPECT_EQ(map().keyframes.size(), 8);
 }
 
+TEST_F(MapMaintenanceTest, AFullMapCullsWhatItMustAndNoMore) {
+  MapperOptions o;
+  o.cull_above_keyframes = 3;
+  o.max_keyframes = 5;
+  const KeyframeId newest{0, 7};
+  int culled = 0;
+  while (culled < 20 && cull_redundant_keyframe(&shared_, desk_views().camera(), o, newest)) {
+    ++culled;
+    expect_sound();
+  }
+  EXPECT_GE(culled, 3) << "above its size any goes";
+  EXPECT_GE(map().keyframes.size(), o.cull_above_keyframes);
+  EXPECT_TRUE(map().keyframes.contains(newest));
+  EXPECT_TRUE(map().keyframes.contains({0, 0}));
+}
+
+TEST_F(MapMaintenanceTest, AKeyframeWhoseThingsHaveGoneIsRetired) {
+  MapperOptions o;
+  const KeyframeId newest{0, 7};
+  EXPECT_EQ(retire_keyframes(&shared_, desk_views().camera(), o, newest), 0);
+  // All but a few of the points that the fixed keyframe and another measure are gone.
+  shared_.write([&](Map& m) {
+    for (const KeyframeId id : {KeyframeId{0, 0}, KeyframeId{0, 3}}) {
+      const std::vector<Measurement> list = m.keyframes.at(id).measurements;
+      for (std::size_t i = 5; i < list.size(); ++i) m.remove_measurement(id, list[i].point);
+    }
+    std::vector<PointId> gone;
+    for (const MapPoint& p : m.points)
+      if (p.observers.size() < 2 || p.source == KeyframeId{0, 0} || p.source == KeyframeId{0, 3}) gone.push_back(p.id);
+    for (PointId p : gone) m.erase_point(p);
+  });
+  const int points = map().points.size();
+  EXPECT_EQ(retire_keyframes(&shared_, desk_views().camera(), o, newest), 2);
+  expect_sound();
+  const Map after = map();
+  EXPECT_FALSE(after.keyframes.contains({0, 0}));
+  EXPECT_FALSE(after.keyframes.contains({0, 3}));
+  EXPECT_GT(after.points.size(), points / 2);
+  std::size_t most = 0, fixed = 0;
+  int how_many = 0;
+  for (const Keyframe& kf : after.keyframes) {
+    most = std::max(most, kf.measurements.size());
+    if (!kf.fixed) continue;
+    ++how_many;
+    fixed = kf.measurements.size();
+  }
+  EXPECT_EQ(how_many, 1) << "the gauge is held by another";
+  EXPECT_EQ(fixed, most);
+}
+
+TEST_F(MapMaintenanceTest, WhatWasSeenOnEarlierDaysCountsForLittle) {
+  MapperOptions o;
+  const PointId moved{0, 3};
+  apply_counts(&shared_, o, counts(moved, 900, 880, 2));
+  Map m = map();
+  const PointCounts today = counts(moved, 150, 0, 0);
+  test::set_map(&shared_, m);
+  EXPECT_EQ(apply_counts(&shared_, o, today), 0) << "within one day it may be hidden for a while";
+  age_counts(&m);
+  EXPECT_EQ(m.points.at(moved).searched, 10);
+  EXPECT_EQ(m.points.at(moved).found, 10);
+  test::set_map(&shared_, m);
+  EXPECT_EQ(apply_counts(&shared_, o, today), 1);
+}
+
 TEST_F(MapMaintenanceTest, TwoPointsOfOnePlaceAreMerged) {
   const KeyframeId newest{0, 7};
   // Twins of some of the newest keyframe's points, as a second search would make them; and two points that only look

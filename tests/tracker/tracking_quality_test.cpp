@@ -68,7 +68,7 @@ TEST(TrackingQuality, APoseThatItsOwnMatchesContradictIsNone) {
 TEST(TrackingQuality, RecoveryIsStricter) {
   const TrackerOptions o;
   EXPECT_TRUE(accept_recovery(result(400, 350), camera(), o));
-  EXPECT_FALSE(accept_recovery(result(1000, 200), camera(), o)) << "tracked, but not enough to come back with";
+  EXPECT_FALSE(accept_recovery(result(1000, 150), camera(), o)) << "tracked, but not enough to come back with";
   EXPECT_FALSE(accept_recovery(result(o.recovery_min_inliers - 1, o.recovery_min_inliers - 1), camera(), o));
   TwoStageResult corner = result(400, 350);
   for (MatchedPoint& m : corner.matches) m.pixel = Eigen::Vector2d(20, 30);
