@@ -111,7 +111,8 @@ void measure_swarm(int critters, int frames, const ModelSet& models) {
     game.step(input);
   };
   const std::string name = "swarm, " + std::to_string(critters);
-  measure(name.c_str(), frames, tick, [&](DrawList* list) { draw_swarm(game, field, models, list); });
+  CritterPoses poses;
+  measure(name.c_str(), frames, tick, [&](DrawList* list) { draw_swarm(game, field, models, &poses, list); });
 }
 
 }  // namespace

@@ -125,6 +125,52 @@ double log_tail(double count, double expected) {
   return expected > 0 ? count - expected - count * std::log(count / expected) : -HUGE_VAL;
 }
 
+// Length on the plane z = 1 that a pixel there covers: an inlier limit without the lens.
+double ray_length_of_pixel(const CameraModel& camera, const Eigen::Vector2d& pixel, const Eigen::Vector3d& ray) {
+  Eigen::Vector3d beside, below;
+  const Eigen::Vector2d here = ray.hnormalized();
+  const double right =
+      camera.unproject(pixel + Eigen::Vector2d(1, 0), &beside) ? (beside.hnormalized() - here).norm() : 0;
+  const double down = camera.unproject(pixel + Eigen::Vector2d(0, 1), &below) ? (below.hnormalized() - here).norm() : 0;
+  return right > 0 && down > 0 ? 0.5 * (right + down) : 1 / camera.mean_focal_px();
+}
+
+// Counts the matches that a pose agrees with on the plane z = 1, in single precision and without branches: what
+// hypotheses are compared by.
+class QuickCount {
+ public:
+  void add(const Eigen::Vector3d& point, const Eigen::Vector3d& ray, double limit) {
+    for (int i = 0; i < 3; ++i) point_[i].push_back(static_cast<float>(point[i]));
+    u_.push_back(static_cast<float>(ray.x() / ray.z()));
+    v_.push_back(static_cast<float>(ray.y() / ray.z()));
+    limit_squared_.push_back(static_cast<float>(limit * limit));
+  }
+  int count(const RigidTransform& pose) const {
+    const Eigen::Matrix3f R = pose.R.cast<float>();
+    const Eigen::Vector3f t = pose.t.cast<float>();
+    int agree = 0;
+    for (std::size_t i = 0; i < u_.size(); ++i) {
+      const float px = point_[0][i], py = point_[1][i], pz = point_[2][i];
+      const float x = R(0, 0) * px + R(0, 1) * py + R(0, 2) * pz + t[0];
+      const float y = R(1, 0) * px + R(1, 1) * py + R(1, 2) * pz + t[1];
+      const float z = R(2, 0) * px + R(2, 1) * py + R(2, 2) * pz + t[2];
+      const float du = x - u_[i] * z, dv = y - v_[i] * z;
+      agree += static_cast<int>(z > 0) & static_cast<int>(du * du + dv * dv <= limit_squared_[i] * z * z);
+    }
+    return agree;
+  }
+
+ private:
+  std::vector<float> point_[3], u_, v_, limit_squared_;
+};
+
+// How many of the best matches the k-th hypothesis is drawn from.
+std::size_t best_matches(std::size_t n, int k, int hypotheses) {
+  constexpr std::size_t kFirst = 12;
+  if (n <= kFirst) return n;
+  return std::min(n, kFirst + 2 * (n - kFirst) * static_cast<std::size_t>(k) / static_cast<std::size_t>(hypotheses));
+}
+
 }  // namespace
 
 int solve_three_points(const std::array<Eigen::Vector3d, 3>& points, const std::array<Eigen::Vector3d, 3>& rays,
@@ -206,6 +252,7 @@ AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<con
   AbsolutePoseSummary summary;
   std::vector<PoseObservation> usable;
   std::vector<Eigen::Vector3d> rays;
+  QuickCount quick;
   double by_chance = 0;  // inliers of a pose that has nothing to do with the image
   const double area = static_cast<double>(camera.width()) * camera.height();
   for (const PoseObservation& m : matches) {
@@ -215,14 +262,13 @@ AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<con
     rays.push_back(ray);
     const double limit = options.inlier_sigmas * m.sigma_px;
     by_chance += std::min(1.0, M_PI * limit * limit / area);
+    quick.add(m.point, ray, limit * ray_length_of_pixel(camera, m.pixel, ray));
   }
   const std::size_t n = usable.size();
   if (n < static_cast<std::size_t>(std::max(4, options.min_inliers))) return summary;
-  // Gives up (and returns less) once `to_beat` is out of reach.
-  const auto inliers_of = [&](const RigidTransform& pose, int to_beat, std::vector<PoseObservation>* kept) {
-    int count = 0, left = static_cast<int>(n);
+  const auto inliers_of = [&](const RigidTransform& pose, std::vector<PoseObservation>* kept) {
+    int count = 0;
     for (const PoseObservation& m : usable) {
-      if (count + left-- <= to_beat) break;
       Eigen::Vector2d pixel;
       if (!camera.project(pose * m.point, &pixel)) continue;
       const double limit = options.inlier_sigmas * m.sigma_px;
@@ -236,8 +282,9 @@ AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<con
   int most = 0, tried = 0;
   double needed = options.max_hypotheses;
   for (int k = 0; k < options.max_hypotheses && k < needed; ++k) {
+    const std::size_t from = options.best_first ? best_matches(n, k, options.max_hypotheses) : n;
     // Three different ones.
-    std::array<std::size_t, 3> pick = {(*rng)() % n, (*rng)() % (n - 1), (*rng)() % (n - 2)};
+    std::array<std::size_t, 3> pick = {(*rng)() % from, (*rng)() % (from - 1), (*rng)() % (from - 2)};
     if (pick[1] >= pick[0]) ++pick[1];
     for (std::size_t other : {std::min(pick[0], pick[1]), std::max(pick[0], pick[1])})
       if (pick[2] >= other) ++pick[2];
@@ -246,7 +293,7 @@ AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<con
                                              {rays[pick[0]], rays[pick[1]], rays[pick[2]]}, &poses);
     for (int s = 0; s < solutions; ++s) {
       ++tried;
-      const int count = inliers_of(poses[s], most, nullptr);
+      const int count = quick.count(poses[s]);
       if (count <= most) continue;
       most = count;
       best = poses[s];
@@ -257,10 +304,10 @@ AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<con
   if (most < options.min_inliers) return summary;
   for (int round = 0; round < 2; ++round) {
     std::vector<PoseObservation> kept;
-    inliers_of(best, -1, &kept);
+    inliers_of(best, &kept);
     if (!refine_pose(camera, kept, PoseOptions{}, &best).ok) return summary;
   }
-  summary.inliers = inliers_of(best, -1, nullptr);
+  summary.inliers = inliers_of(best, nullptr);
   // The three that made the hypothesis agree anyway.
   const double log_false_alarm = std::log(std::max(1, tried)) + log_tail(summary.inliers - 3, by_chance);
   summary.ok = summary.inliers >= options.min_inliers && log_false_alarm <= std::log(options.max_false_alarm);

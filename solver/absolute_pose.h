@@ -20,7 +20,10 @@ int solve_three_points(const std::array<Eigen::Vector3d, 3>& points, const std::
                        std::array<RigidTransform, 4>* poses);
 
 struct AbsolutePoseOptions {
-  int max_hypotheses = 300;
+  int max_hypotheses = 1000;
+  // The matches come best first: hypotheses are made of the best ones first, of all from the middle on (after PROSAC,
+  // Chum and Matas, CVPR 2005).
+  bool best_first = false;
   double inlier_sigmas = 4.0;  // a match agrees within so many of its own sigma_px
   int min_inliers = 12;
   // Probability that as many matches agree by chance, over all hypotheses tried, above which the pose is refused

@@ -145,9 +145,14 @@ std::vector<PoseObservation> PointMatcher::match(const TrackingSnapshot& map, co
     }
     if (clear_winner) best_of_point[nearest] = {first, static_cast<int>(c)};
   }
+  std::vector<std::size_t> matched;
+  for (std::size_t p = 0; p < rows.size(); ++p)
+    if (best_of_point[p].corner >= 0) matched.push_back(p);
+  std::stable_sort(matched.begin(), matched.end(), [&](std::size_t a, std::size_t b) {
+    return best_of_point[a].distance < best_of_point[b].distance;
+  });
   std::vector<PoseObservation> out;
-  for (std::size_t p = 0; p < rows.size(); ++p) {
-    if (best_of_point[p].corner < 0) continue;
+  for (const std::size_t p : matched) {
     const FrameCorner& corner = corners[static_cast<std::size_t>(best_of_point[p].corner)];
     out.push_back({map.position[rows[p]], corner.pixel, level_scale(corner.level)});
   }

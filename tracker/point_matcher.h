@@ -21,7 +21,7 @@ class PointMatcher {
   bool prepare(const TrackingSnapshot& map, int max_keyframes);
 
   // One-to-one matches of described points with the frame's corners: nearest descriptor, clearly nearer than that of
-  // any point of another place. The standard deviation is one pixel of the corner's level.
+  // any point of another place; best first. The standard deviation is one pixel of the corner's level.
   std::vector<PoseObservation> match(const TrackingSnapshot& map, const FrameImages& frame) const;
 
   void clear() { described_.clear(); }

@@ -57,7 +57,9 @@ bool Relocaliser::recover_by_descriptors(const TrackingSnapshot& map, const Fram
   matcher_.prepare(map, kDescribedKeyframes);
   const std::vector<PoseObservation> matches = matcher_.match(map, frame);
   RigidTransform pose;
-  if (!solve_absolute_pose(camera_, matches, AbsolutePoseOptions{}, &rng_, &pose).ok) return false;
+  AbsolutePoseOptions pose_options;
+  pose_options.best_first = true;
+  if (!solve_absolute_pose(camera_, matches, pose_options, &rng_, &pose).ok) return false;
   return try_pose(map, frame, pose, false, tracker, accepted);
 }
 
