@@ -17,6 +17,9 @@ void add_run_command(CLI::App& app, int* exit_code);
 void add_eval_command(CLI::App& app, int* exit_code);
 void add_vocabulary_command(CLI::App& app, int* exit_code);
 void add_map_command(CLI::App& app, int* exit_code);
+// Subcommands of `parallax map`.
+void add_map_library_commands(CLI::App* command);
+void add_map_merge_command(CLI::App* command, int* exit_code);
 void add_live_command(CLI::App& app, int* exit_code);
 void add_cameras_command(CLI::App& app, int* exit_code);
 void add_calibrate_command(CLI::App& app, int* exit_code);

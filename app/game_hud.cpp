@@ -20,8 +20,10 @@ void shaded_text(ImDrawList* list, float x, float y, float size, const std::stri
   text_on_ground(list, x, y, text, edge, edge / 2, size, wrap);
 }
 
-void draw_cross_hairs(ImDrawList* list, const PictureArea& a) {
-  const float x = a.x + a.width / 2, y = a.y + a.height / 2;
+void draw_cross_hairs(ImDrawList* list, const PictureArea& a, const CameraModel* camera) {
+  const Eigen::Vector2f at = camera != nullptr ? a.from_pixel(*camera, camera->centre_px())
+                                               : Eigen::Vector2f(a.x + a.width / 2, a.y + a.height / 2);
+  const float x = at.x(), y = at.y();
   const float near = kHairsGap * a.height, far = near + kHairsLength * a.height;
   for (const float sign : {-1.0f, 1.0f}) {
     for (const auto& [colour, width] : {std::pair{kHairsEdge, 4.0f}, std::pair{kHairs, 1.5f}}) {
@@ -38,7 +40,7 @@ void draw_game_hud(const GameHudView& view) {
   ImDrawList* list = ImGui::GetBackgroundDrawList();
   const PictureArea& a = view.area;
   const float unit = ImGui::GetFontSize();
-  if (view.hud.cross_hairs && view.status.empty()) draw_cross_hairs(list, a);
+  if (view.hud.cross_hairs && view.status.empty()) draw_cross_hairs(list, a, view.camera);
 
   const std::string score = std::to_string(view.hud.score);
   shaded_text(list, a.x + a.width - text_extent(score, kBig * unit).x - unit, a.y + 0.5f * unit, kBig * unit, score);

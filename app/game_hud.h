@@ -17,6 +17,8 @@ struct GameHudView {
   GameHud hud;
   std::string status;   // GameSession::status(): in the middle of the picture
   std::string below{};  // a smaller line below it: what can be done now
+  // Where its optical axis lies in the picture the cross-hairs are; null: in the middle.
+  const CameraModel* camera = nullptr;
 };
 
 void draw_game_hud(const GameHudView& view);

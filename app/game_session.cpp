@@ -13,6 +13,7 @@ namespace parallax {
 namespace {
 
 constexpr double kOldestBefore_s = 0.2;
+constexpr double kLongestSettling_s = 8;
 
 std::unique_ptr<Game> needed(const std::string& name) {
   auto game = make_game(name);
@@ -149,7 +150,9 @@ void GameSession::frame(const Frame& frame, const TrackingResult& tracked, const
                         GameInput controls, double ahead_s) {
   const double seconds = last_time_ ? std::chrono::duration<double>(frame.time - *last_time_).count() : 0.0;
   last_time_ = frame.time;
-  bool changed = map != nullptr && field_.update(*map);
+  // A table that is not looked at from more sides is played on as it is known, after a while.
+  settling_s_ = field_.settling() ? settling_s_ + seconds : 0.0;
+  bool changed = map != nullptr && field_.update(*map, settling_s_ > kLongestSettling_s);
   if (surface_is_new_ && field_.field()) {
     field_.set_surface(surface_);
     surface_is_new_ = false;
@@ -198,7 +201,8 @@ std::optional<GameSight> GameSession::sight() const {
 std::string GameSession::status() const {
   switch (runner_.phase()) {
     case GamePhase::idle:
-      return "look at the table from all sides: the game begins when it is mapped";
+      return field_.settling() ? "mapping the table..."
+                               : "look at the table from all sides: the game begins when it is mapped";
     case GamePhase::lost:
       return "paused: tracking is lost";
     case GamePhase::paused:
@@ -214,7 +218,9 @@ std::string GameSession::status() const {
 }
 
 std::string GameSession::advice() const {
-  return runner_.phase() == GamePhase::lost ? "move the camera back to where it has been" : "";
+  if (runner_.phase() == GamePhase::lost) return "move the camera back to where it has been";
+  return runner_.phase() == GamePhase::idle && field_.settling() ? "slide the camera to the side, and round the table"
+                                                                 : "";
 }
 
 }  // namespace parallax

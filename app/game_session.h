@@ -87,6 +87,7 @@ class GameSession {
   std::shared_ptr<const SceneSurface> surface_;
   bool surface_is_new_ = false;
   std::string saved_;
+  double settling_s_ = 0;  // for so long the table has been about to settle
   std::optional<Timestamp> last_time_;
   std::optional<RigidTransform> last_pose_;  // camera_from_field, of the frame before
   double last_scale_ = 1;                    // of the field, then

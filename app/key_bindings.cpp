@@ -35,6 +35,7 @@ constexpr std::array<ActionText, kActions> kActionTexts = {{
     {"content_panel", "labels and models"},
     {"record_panel", "recording, video, screenshots"},
     {"debug_panel", "timings"},
+    {"maps_panel", "the list of maps"},
     {"video", "record a video of the window"},
     {"full_screen", "full screen"},
     {"screenshot", "screenshot"},
@@ -81,10 +82,10 @@ constexpr std::pair<const char*, int> kModifierNames[] = {
     {"Ctrl", GLFW_MOD_CONTROL}, {"Alt", GLFW_MOD_ALT}, {"Shift", GLFW_MOD_SHIFT}, {"Super", GLFW_MOD_SUPER}};
 // What an action takes when its only key was given to another.
 constexpr std::pair<Action, const char*> kSecondChoices[] = {
-    {Action::next_game, "Shift+G"},     {Action::game_pause, "Pause"},    {Action::game_act, "V"},
-    {Action::game_more, "Period"},      {Action::game_less, "Comma"},     {Action::help, "Shift+F1"},
-    {Action::camera_panel, "Shift+F2"}, {Action::map_panel, "Shift+F3"},  {Action::content_panel, "Shift+F4"},
-    {Action::record_panel, "Shift+F5"}, {Action::debug_panel, "Shift+F6"}};
+    {Action::next_game, "Shift+G"},     {Action::game_pause, "Pause"},     {Action::game_act, "V"},
+    {Action::game_more, "Period"},      {Action::game_less, "Comma"},      {Action::help, "Shift+F1"},
+    {Action::camera_panel, "Shift+F2"}, {Action::map_panel, "Shift+F3"},   {Action::content_panel, "Shift+F4"},
+    {Action::record_panel, "Shift+F5"}, {Action::debug_panel, "Shift+F6"}, {Action::maps_panel, "Shift+F7"}};
 constexpr int kModifiers = GLFW_MOD_CONTROL | GLFW_MOD_ALT | GLFW_MOD_SHIFT | GLFW_MOD_SUPER;
 
 bool same_word(const std::string& a, const std::string& b) {
@@ -179,6 +180,7 @@ KeyBindings::KeyBindings() : chords_(kActions) {
   bind(Action::content_panel, "F4");
   bind(Action::record_panel, "F5");
   bind(Action::debug_panel, "F6");
+  bind(Action::maps_panel, "F7");
   bind(Action::video, "F9");
   bind(Action::full_screen, "F11");
   bind(Action::screenshot, "F12");

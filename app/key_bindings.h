@@ -35,6 +35,7 @@ enum class Action {
   content_panel,
   record_panel,
   debug_panel,
+  maps_panel,
   video,
   full_screen,
   screenshot,

@@ -74,7 +74,13 @@ void add_live_command(CLI::App& app, int* exit_code) {
       "the first camera found");
   command->add_option("--calibration", options->calibration, "Calibration file; default: what is known of the camera");
   command->add_option("--record", options->record, "Keep frames, keys and schedule in this file, for `parallax run`");
-  command->add_option("--map", options->map, "Go on with this saved map when it is there, and keep the map in it");
+  CLI::Option* one_map =
+      command->add_option("--map", options->map, "Go on with this saved map when it is there, and keep the map in it");
+  command
+      ->add_option("--maps", options->maps,
+                   "Keep every map in this folder, and know its places again; in the window the default is the "
+                   "user's own folder")
+      ->excludes(one_map);
   command->add_option("--size", *size, "Wanted image size, WIDTHxHEIGHT");
   command->add_flag("--fps", options->show_fps, "Open the timing panel");
   command->add_option("--init", options->init, "auto, or manual: by key (default in the window)")

@@ -2,8 +2,10 @@
 
 #include <utility>
 
+#include "app/place_vocabulary.h"
 #include "app/run_settings.h"
 #include "app/session_recorder.h"
+#include "camera/calibration_file.h"
 #include "core/error.h"
 #include "core/file_io.h"
 
@@ -64,12 +66,31 @@ std::unique_ptr<SessionRecorder> open_recorder(const std::string& path, const Li
   return std::make_unique<SessionRecorder>(path, description);
 }
 
+std::shared_ptr<const MapLibrary> open_live_library(const LiveOptions& options, const UserSettings& settings) {
+  if (!options.map.empty()) return nullptr;
+  const bool own = options.maps.empty() && settings.keep_maps && !options.headless;
+  const std::string folder = own ? map_library_folder() : options.maps;
+  if (folder.empty()) return nullptr;
+  auto library = std::make_shared<const MapLibrary>(folder);
+  library->empty_old_trash();
+  return library;
+}
+
+MapSaverOptions begin_library(const std::shared_ptr<const MapLibrary>& library, const CameraModel& lens) {
+  MapSaverOptions saving;
+  saving.library = library;
+  saving.program = std::string("parallax ") + PARALLAX_VERSION;
+  saving.calibration = format_calibration(lens);
+  return saving;
+}
+
 LiveEngine::LiveEngine(const LiveOptions& options, const UserSettings& settings, const ProgramState& state)
     : options_(options), settings_(settings), state_(state) {
   run_options_.manual_initialisation = options.init != "auto";
   run_options_.kept_frames = kLiveKeptFrames;
   run_options_.keep_trajectory = !options.trajectory.empty();
   apply_settings(options.settings, &run_options_);
+  library_ = open_live_library(options, settings);
 }
 
 LiveEngine::~LiveEngine() = default;
@@ -101,9 +122,9 @@ void LiveEngine::begin(const CameraModel& lens, bool estimated, const std::strin
     // What the session before failed of was told when it happened (LiveSession::take_failure).
   }
   run_options_.initial_map.reset();
-  MapSaverOptions saving;
+  MapSaverOptions saving = begin_library(library_, lens);
   try {
-    saving = begin_map_file(options_.map, lens, &run_options_);
+    if (!library_) saving = begin_map_file(options_.map, lens, &run_options_);
   } catch (const InputError&) {
     // A map of the lens before does not fit a new one: it stays, and the next goes beside it.
     if (!begun_) throw;
@@ -117,12 +138,28 @@ void LiveEngine::begin(const CameraModel& lens, bool estimated, const std::strin
   record_path_ = record_path;
   const std::shared_ptr<LiveCamera> tap = feed_->tap();
   session_ = std::make_unique<LiveSession>(tap, lens, run_options_, std::move(recorder), [tap] { tap->stop(); });
-  if (!saving.path.empty()) {
+  if (!saving.path.empty() || library_) {
     saver_ = std::make_unique<MapSaver>(saving, [session = session_.get()] { return session->copy_map_and_world(); });
+  }
+  if (library_ && record_path.empty()) begin_maps();
+}
+
+void LiveEngine::begin_maps() {
+  SessionMapsOptions wanted;
+  wanted.automatic = run_options_.automatic_initialisation();
+  wanted.tracker = run_options_.tracker;
+  LiveSession* session = session_.get();
+  try {
+    maps_ =
+        std::make_unique<SessionMaps>(lens_, wanted, library_, place_vocabulary(), saver_.get(),
+                                      SessionPort{&session->inbox(), {}, [session] { session->press_initialise(); }});
+  } catch (const InputError& e) {
+    maps_problem_ = std::string("places are not known again: ") + e.what();
   }
 }
 
 void LiveEngine::end() {
+  maps_.reset();
   const std::unique_ptr<LiveSession> session = std::move(session_);
   const std::unique_ptr<MapSaver> saver = std::move(saver_);
   if (!session) return;

@@ -13,6 +13,7 @@
 #include "app/live_options.h"
 #include "app/live_session.h"
 #include "app/map_saver.h"
+#include "app/session_maps.h"
 #include "app/source.h"
 #include "app/user_settings.h"
 
@@ -49,12 +50,21 @@ class LiveEngine {
   const std::string& record_path() const { return record_path_; }
   // Keeps the map of the session in a file; null: it is not kept.
   MapSaver* saver() const { return saver_.get(); }
+  // Where maps are kept by themselves; null: they are not.
+  const std::shared_ptr<const MapLibrary>& library() const { return library_; }
+  // Knows the stored maps again; null without a library, and while the session is recorded: what came from elsewhere
+  // could not be played again.
+  SessionMaps* maps() const { return maps_.get(); }
+  // Why there is none though there is a library, once; empty: nothing to say.
+  std::string take_maps_problem() { return std::exchange(maps_problem_, {}); }
   // What the session began with; null: with no map.
   const std::shared_ptr<const MapDocument>& initial_map() const { return run_options_.initial_map; }
   const RunOptions& run_options() const { return run_options_; }
   const std::optional<RunResult>& last_result() const { return last_result_; }
 
  private:
+  void begin_maps();
+
   LiveOptions options_;
   UserSettings settings_;
   ProgramState state_;
@@ -63,6 +73,9 @@ class LiveEngine {
   std::unique_ptr<LiveFeed> feed_;
   std::unique_ptr<LiveSession> session_;
   std::unique_ptr<MapSaver> saver_;  // of the session: goes first
+  std::shared_ptr<const MapLibrary> library_;
+  std::unique_ptr<SessionMaps> maps_;  // of session and saver: goes before them
+  std::string maps_problem_;
   CameraModel lens_;
   bool estimated_ = false;
   bool begun_ = false;
@@ -73,6 +86,11 @@ class LiveEngine {
 // The recorder of a session, with what the camera is set to. Throws RunError when the file cannot be made.
 std::unique_ptr<SessionRecorder> open_recorder(const std::string& path, const LiveSource& source,
                                                const MapSaverOptions& saving = {});
+
+// Where a live session keeps its maps by itself; null: nowhere. In the window the user's folder unless the settings or
+// the command line say otherwise; without one only where the command line says.
+std::shared_ptr<const MapLibrary> open_live_library(const LiveOptions& options, const UserSettings& settings);
+MapSaverOptions begin_library(const std::shared_ptr<const MapLibrary>& library, const CameraModel& lens);
 
 // The camera to open when none is named: the settings', the last one when it is still there, the first found, the
 // synthetic desk; and a sentence about it where that may surprise. By hand: the synthetic desk is held by the user.

@@ -160,6 +160,7 @@ void LiveGames::begin(const std::string& name, const CameraModel& lens) {
   if (!surface_) {
     surface_ = std::make_unique<SurfaceWorker>(lens);
     mask_.emplace(lens);
+    lens_ = lens;
     seen_map_ = 0;
   }
   scored_ = false;
@@ -178,6 +179,11 @@ void LiveGames::leave() {
   mask_.reset();
   if (sounds_) sounds_->stop_all();
   write_game_store(store_, store_path_);
+}
+
+void LiveGames::change_map() {
+  leave();
+  store_.left.clear();
 }
 
 void LiveGames::bring(const std::map<std::string, std::string>& left) {
@@ -257,7 +263,8 @@ void LiveGames::draw(const LiveFrame& frame, DrawList* out) {
 void LiveGames::draw_interface(const PictureArea& area, const KeyBindings& keys) const {
   if (!session_ || menu_is_open()) return;
   const Game& game = session_->runner().game();
-  GameHudView view{area, game.info().title, game.hud(), session_->status(), session_->advice()};
+  GameHudView view{
+      area, game.info().title, game.hud(), session_->status(), session_->advice(), lens_ ? &*lens_ : nullptr};
   if (session_->runner().phase() == GamePhase::over) {
     view.status += ": " + std::to_string(view.hud.score);
     if (!place_.empty()) view.status += ", " + place_;

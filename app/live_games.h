@@ -48,6 +48,8 @@ class LiveGames {
   // Games that were left on the map that is shown now, to go on with; and those left or being played, to keep with it.
   void bring(const std::map<std::string, std::string>& left);
   std::map<std::string, std::string> states() const;
+  // The map that is shown has become another: the game on it ends, and those left there are none of the new one's.
+  void change_map();
 
   // A new frame; `input` is what keys and gamepad say now. `ahead_s`: from the frame's time to when it is seen.
   void frame(const LiveFrame& frame, const GameInput& input, double ahead_s);
@@ -80,6 +82,7 @@ class LiveGames {
   std::unique_ptr<GameSession> session_;
   std::unique_ptr<SurfaceWorker> surface_;
   std::optional<OcclusionMask> mask_;
+  std::optional<CameraModel> lens_;  // of the game that is on
   std::uint64_t seen_map_ = 0;
   bool scored_ = false;
   double over_s_ = 0;  // since the game ended

@@ -10,10 +10,12 @@
 #include "app/live_session.h"
 #include "app/map_saver.h"
 #include "app/output_steps.h"
+#include "app/place_vocabulary.h"
 #include "app/progress_bar.h"
 #include "app/run_drawing.h"
 #include "app/run_outputs.h"
 #include "app/run_settings.h"
+#include "app/session_maps.h"
 #include "app/session_recorder.h"
 #include "app/source.h"
 #include "app/user_settings.h"
@@ -47,7 +49,7 @@ CameraModel lens_for(const LiveSource& source) {
 
 // Until the source ends, the limit is reached, a signal comes or a thread fails. Goes on without a video that fails.
 void watch(const LiveOptions& options, bool limited_by_count, LiveSession* session, RunDrawing* drawing,
-           MapSaver* saver, OutputSteps* steps) {
+           MapSaver* saver, SessionMaps* maps, OutputSteps* steps) {
   const auto start = SteadyClock::now();
   ProgressBar line("live", options.frames_limit);
   int newest = -1;
@@ -56,6 +58,7 @@ void watch(const LiveOptions& options, bool limited_by_count, LiveSession* sessi
     const LiveSession::Statistics statistics = session->statistics();
     if (frame) {
       newest = frame->frame.index;
+      if (maps) maps->frame(frame->frame, frame->tracked);
       if (drawing != nullptr && !steps->failed())
         (*steps)([&] { drawing->draw(frame->frame, frame->tracked, frame->map); });
       line.update(statistics.frames_read, state_line(frame->tracked, frame->frames_per_second));
@@ -67,6 +70,10 @@ void watch(const LiveOptions& options, bool limited_by_count, LiveSession* sessi
     if (const std::string message = saver ? saver->take_message() : std::string(); !message.empty()) {
       line.clear();
       std::cerr << "parallax: warning: " << message << '\n';
+    }
+    for (const MapNews& news : maps ? maps->take_news() : std::vector<MapNews>()) {
+      line.clear();
+      (news.problem ? std::cerr << "parallax: warning: " : std::cout) << news.text << '\n';
     }
     if (!frame && statistics.source_ended) break;
     if (limited_by_count && statistics.frames_read >= options.frames_limit) break;
@@ -90,7 +97,9 @@ int run_live_headless(const LiveOptions& options) {
   const bool limited_by_count = limited && source.camera != nullptr;
   const std::shared_ptr<FrameSource> frames =
       limited && !limited_by_count ? make_limited(source.frames, options.frames_limit) : source.frames;
-  const MapSaverOptions saving = begin_map_file(options.map, lens, &run_options);
+  const std::shared_ptr<const MapLibrary> library = open_live_library(options, settings);
+  const MapSaverOptions saving =
+      library ? begin_library(library, lens) : begin_map_file(options.map, lens, &run_options);
   std::unique_ptr<SessionRecorder> recorder;
   if (!options.record.empty()) recorder = open_recorder(options.record, source, saving);
   std::unique_ptr<RunDrawing> drawing;
@@ -107,8 +116,18 @@ int run_live_headless(const LiveOptions& options) {
   {
     LiveSession session(frames, lens, run_options, std::move(recorder), [source] { source.stop(); });
     std::unique_ptr<MapSaver> saver;
-    if (!options.map.empty()) saver = std::make_unique<MapSaver>(saving, [&] { return session.copy_map_and_world(); });
-    watch(options, limited_by_count, &session, drawing.get(), saver.get(), &steps);
+    if (!options.map.empty() || library)
+      saver = std::make_unique<MapSaver>(saving, [&] { return session.copy_map_and_world(); });
+    std::unique_ptr<SessionMaps> maps;
+    if (library && options.record.empty()) {
+      SessionMapsOptions wanted;
+      wanted.automatic = run_options.automatic_initialisation();
+      wanted.tracker = run_options.tracker;
+      maps = std::make_unique<SessionMaps>(lens, wanted, library, place_vocabulary(), saver.get(),
+                                           SessionPort{&session.inbox(), {}, {}});
+    }
+    watch(options, limited_by_count, &session, drawing.get(), saver.get(), maps.get(), &steps);
+    maps.reset();
     result = session.stop();
     drawn = !steps.failed();
     if (saver) steps([&] { saver->finish(); });

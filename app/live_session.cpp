@@ -169,6 +169,8 @@ std::future<EditReply> LiveSession::edit(const PlaneEdit& edit) {
   return implementation_->send(std::move(request));
 }
 
+MapperInbox& LiveSession::inbox() { return implementation_->engine.inbox(); }
+
 Map LiveSession::copy_map() const {
   return implementation_->engine.map().read([](const Map& map) { return map; });
 }

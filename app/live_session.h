@@ -63,6 +63,9 @@ class LiveSession {
   std::future<EditReply> edit(const ScaleEdit& edit);
   std::future<EditReply> edit(const PlaneEdit& edit);
 
+  // For those that change the map from outside (app/session_maps.h); lives as long as this.
+  MapperInbox& inbox();
+
   // A copy of the map, taken under its lock (images are shared, not copied): for the map view and for saving.
   Map copy_map() const;
   MapCopy copy_map_and_world() const;

@@ -25,7 +25,7 @@ enum class Screen {
 };
 
 // What the next clicks or the keyboard are for.
-enum class Task { none, write_label, measure_first, measure_second, measure_distance };
+enum class Task { none, write_label, measure_first, measure_second, measure_distance, name_map };
 
 struct LivePanels {
   bool help = false, camera = false, map = false, content = false, record = false, debug = false;
@@ -34,7 +34,7 @@ struct LivePanels {
 // What a panel asks the window to do, once.
 struct LiveRequests {
   bool reset = false, screenshot = false, video = false, record = false, measure = false, find_plane = false,
-       marker = false, first_run = false, calibrate = false, print_marker = false;
+       marker = false, first_run = false, calibrate = false, print_marker = false, maps = false;
   std::optional<double> scale;
 };
 
@@ -67,7 +67,7 @@ struct LiveState {
   SteadyClock::time_point controls_time{};
 
   // Whether the keyboard belongs to a text field of the present task.
-  bool typing() const { return task == Task::write_label || task == Task::measure_distance; }
+  bool typing() const { return task == Task::write_label || task == Task::measure_distance || task == Task::name_map; }
 };
 
 }  // namespace parallax

@@ -23,7 +23,7 @@ constexpr std::chrono::milliseconds kIdleDraw{100};
 // How long the loop waits for a frame before it looks at keys and pointer.
 constexpr std::chrono::milliseconds kFrameWait{8};
 // Pictures of keyframes, as SceneRenderer::picture() keeps them.
-constexpr int kLostPicture = 1, kSelectedPicture = 2, kFirstGamePicture = 10;
+constexpr int kLostPicture = 1, kSelectedPicture = 2, kFirstGamePicture = 10, kFirstMapPicture = 1000;
 
 WindowGeometry geometry_of(const ProgramState& state, bool full_screen) {
   WindowGeometry geometry;
@@ -115,7 +115,8 @@ bool LiveWindow::has_news() {
     memory_.update(shown_->tracked);
     path_.add(shown_->tracked);
     if (shown_->map) state_.content.follow(*shown_->map);
-    map_file_.frame(*shown_, engine_, &state_, &games_);
+    state_.content.set_seen_from(shown_->tracked.seen_from);
+    for (const std::string& trashed : map_file_.frame(*shown_, engine_, &state_, &games_)) maps_.forgotten(trashed);
     if (state_.selected && state_.content.find(*state_.selected) == nullptr) state_.selected.reset();
     const double ahead_s = latency_.take(shown_->frame.time, 1e-3 * static_cast<double>(shown_->tracked.times.total),
                                          SteadyClock::now().time_since_epoch());
@@ -299,6 +300,9 @@ void LiveWindow::draw_panels() {
   if (state_.panels.content) draw_content_panel(&state_, frame);
   if (state_.panels.record) draw_record_panel(&state_, &engine_);
   if (state_.panels.debug) draw_debug_panel(&state_, &engine_, frame);
+  if (state_.screen == Screen::augmented || state_.screen == Screen::map)
+    maps_.draw([this](int key, const cv::Mat& image) { return renderer_->picture(kFirstMapPicture + key, image); },
+               &engine_, &state_);
   const bool entered = draw_task(&state_);
   if (std::exchange(enter_seen_, false) || entered) end_task();
   if (state_.screen == Screen::augmented && games_.menu_is_open()) {
@@ -351,6 +355,7 @@ void LiveWindow::update_title() {
     what = shown_ ? to_string(shown_->tracked.state) : "starting";
   if (state_.screen == Screen::map) what += ", map";
   if (state_.screen == Screen::augmented && games_.menu_is_open()) what += ", games";
+  if (maps_.is_open()) what += ", maps";
   if (what == title_) return;
   title_ = what;
   window_->set_title("Parallax: " + what);

@@ -12,6 +12,7 @@
 #include "app/live_engine.h"
 #include "app/live_games.h"
 #include "app/live_map.h"
+#include "app/live_maps.h"
 #include "app/live_options.h"
 #include "app/live_pointing.h"
 #include "app/live_state.h"
@@ -101,6 +102,7 @@ class LiveWindow {
   LivePointing pointing_;
   LiveGames games_;
   LiveMap map_file_;
+  LiveMaps maps_;
   GamePad pad_;
   PadWatch pad_watch_;
   DisplayLatency latency_;

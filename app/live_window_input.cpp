@@ -32,6 +32,7 @@ void LiveWindow::take_keys() {
       continue;
     }
     if (enter) enter_acted_ = true;
+    if (state_.task == Task::none && maps_.takes(event.key, event.modifiers, &engine_, &state_)) continue;
     if (games_.menu_is_open() && menu_takes(event)) continue;
     if (const auto action = state_.settings.keys.action_of(event.key, event.modifiers)) act(*action);
   }
@@ -53,7 +54,12 @@ void LiveWindow::act(Action action) {
   switch (action) {
     case Action::initialise:
       // In a game on a map the key fires; held, in game_keys().
-      if (tracking_screen && engine_.session() != nullptr && !game_has_keys()) engine_.session()->press_initialise();
+      if (!tracking_screen || engine_.session() == nullptr || game_has_keys()) break;
+      if (shown_ && shown_->tracked.state == TrackingState::lost && engine_.maps() != nullptr) {
+        engine_.maps()->begin_new_map();  // and presses the key on it
+      } else {
+        engine_.session()->press_initialise();
+      }
       break;
     case Action::reset:
       state_.requests.reset = true;
@@ -112,6 +118,9 @@ void LiveWindow::act(Action action) {
       break;
     case Action::debug_panel:
       panels.debug = !panels.debug;
+      break;
+    case Action::maps_panel:
+      if (tracking_screen && engine_.session() != nullptr) state_.requests.maps = true;
       break;
     case Action::video:
       state_.requests.video = true;

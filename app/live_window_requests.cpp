@@ -35,6 +35,7 @@ void LiveWindow::serve_requests() {
   if (session == nullptr) return;
   if (wanted.record) return toggle_recording();
   if (wanted.reset) reset_map();
+  if (wanted.maps) maps_.toggle(engine_);
   const bool mapped = shown_ && shown_->map && !shown_->map->empty();
   if ((wanted.measure || wanted.find_plane || wanted.marker) && !mapped)
     return state_.toasts.add("there is no map yet", true);
@@ -86,6 +87,8 @@ void LiveWindow::begin_session(const CameraModel& lens, bool estimated, const st
     engine_.begin(lens, estimated, "");
   }
   map_file_.begun();
+  maps_.close();
+  if (const std::string problem = engine_.take_maps_problem(); !problem.empty()) state_.toasts.add(problem, true);
   shown_.reset();
   shown_index_ = -1;
   memory_ = {};
@@ -97,9 +100,10 @@ void LiveWindow::begin_session(const CameraModel& lens, bool estimated, const st
 }
 
 void LiveWindow::reset_map() {
-  resets_.push_back(engine_.session()->reset());
   selected_keyframe_.reset();
   drop_task();
+  if (engine_.maps() != nullptr) return engine_.maps()->forget_map();
+  resets_.push_back(engine_.session()->reset());
   state_.toasts.add("the map is forgotten");
 }
 
@@ -177,7 +181,10 @@ void LiveWindow::look_for_marker() {
 
 // Enter was pressed in the field of the present task.
 void LiveWindow::end_task() {
-  if (state_.task == Task::write_label) {
+  if (state_.task == Task::name_map) {
+    maps_.rename(state_.text.data(), &engine_, &state_);
+    state_.task = Task::none;
+  } else if (state_.task == Task::write_label) {
     state_.content.rename(state_.editing, state_.text.data());
     state_.task = Task::none;
   } else if (state_.task == Task::measure_distance && state_.measured.size() == 2) {

@@ -15,7 +15,12 @@
 namespace parallax {
 namespace {
 
+void expect_file(const std::string& path) {
+  if (!std::filesystem::exists(path)) throw InputError(path + ": found no such file, expected a map file");
+}
+
 void print_info(const std::string& path) {
+  expect_file(path);
   const MapFileInfo info = read_map_file_info(path);
   std::cout << path << ":\n";
   if (!info.name.empty()) std::cout << "  name       " << info.name << '\n';
@@ -24,12 +29,13 @@ void print_info(const std::string& path) {
             << info.content << "\n  games      " << info.games << "\n  created    " << info.created << "\n  saved      "
             << info.saved << " by " << info.program << "\n  file       " << info.bytes << " bytes, version "
             << info.version << '\n';
+  for (const std::string& line : info.merged_from) std::cout << "  merged     " << line << '\n';
 }
 
 int verify(const std::vector<std::string>& paths) {
   int exit_code = kExitDone;
   for (const std::string& path : paths) {
-    if (!std::filesystem::exists(path)) throw InputError(path + ": found no such file, expected a map file");
+    expect_file(path);
     const std::vector<std::string> problems = verify_map_file(path);
     for (const std::string& line : problems) std::cout << path << ": " << line << '\n';
     if (problems.empty())
@@ -50,6 +56,7 @@ void export_map(const ExportArguments& args) {
     throw InputError(
         "map export: found nothing to write, expected --points, --keyframes, --images, --colmap or "
         "--calibration");
+  expect_file(args.map);
   RunResult parts;
   const MapDocument document = read_map_file(args.map);
   parts.map = document.map;
@@ -64,8 +71,9 @@ void export_map(const ExportArguments& args) {
 }  // namespace
 
 void add_map_command(CLI::App& app, int* exit_code) {
-  CLI::App* command = app.add_subcommand("map", "Saved maps: info, verify, export");
+  CLI::App* command = app.add_subcommand("map", "Saved maps: info, verify, export, merge");
   command->require_subcommand(1);
+  add_map_library_commands(command);
   const auto add_files = [](CLI::App* sub, std::vector<std::string>* paths) {
     sub->add_option("map", *paths, "Map files")->required();
   };
@@ -92,6 +100,7 @@ void add_map_command(CLI::App& app, int* exit_code) {
   sub->add_option("--colmap", args->colmap, "A COLMAP text model, into this folder");
   sub->add_option("--calibration", args->calibration, "The lens, as a calibration file");
   sub->callback([args] { export_map(*args); });
+  add_map_merge_command(command, exit_code);
 }
 
 }  // namespace parallax

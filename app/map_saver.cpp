@@ -1,11 +1,13 @@
 #include "app/map_saver.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <utility>
 
 #include "app/session_hash.h"
 #include "camera/calibration_file.h"
+#include "core/check.h"
 #include "core/checksum.h"
 #include "core/error.h"
 #include "map/map_file.h"
@@ -32,22 +34,35 @@ std::uint64_t hash_of(const MapDocument& document) {
     add(state.data(), state.size());
   }
   add(&document.scale_is_known, sizeof document.scale_is_known);
+  add(document.name.data(), document.name.size());
   return sum;
 }
 
 }  // namespace
 
-// The file of one map, and what of it is in there.
+// The file of one map, and what of it is in there. Opened when it is first written to.
 class MapSaver::Target {
  public:
-  Target(const std::string& path, const std::string& program) : file(path, program) {}
-  MapFile file;
+  void save(const MapDocument& document, const std::string& program) {
+    if (!file) file = std::make_unique<MapFile>(path, program);
+    file->save(document, replaces);
+    replaces = false;
+  }
+
+  std::string path;
+  std::unique_ptr<MapLock> lock;
+  std::unique_ptr<MapFile> file;
+  bool locked = false, replaces = false;
   std::uint64_t map_version = 0;
   std::optional<std::uint64_t> saved_hash;
 };
 
 MapSaver::MapSaver(const MapSaverOptions& options, std::function<MapCopy()> copy)
-    : options_(options), copy_(std::move(copy)), extras_(options.extras) {
+    : options_(options),
+      copy_(std::move(copy)),
+      extras_(options.extras),
+      name_(options.name),
+      merged_from_(options.merged_from) {
   thread_ = std::jthread([this](std::stop_token stop) { run(std::move(stop)); });
 }
 
@@ -55,7 +70,17 @@ MapSaver::~MapSaver() = default;
 
 void MapSaver::set_extras(MapExtras extras) {
   MutexLock lock(mutex_);
-  extras_ = std::move(extras);
+  if (extras.map_version != awaited_) extras_ = std::move(extras);
+}
+
+void MapSaver::content_is_back() {
+  MutexLock lock(mutex_);
+  awaited_ = 0;
+}
+
+void MapSaver::set_name(std::string name) {
+  MutexLock lock(mutex_);
+  name_ = std::move(name);
 }
 
 void MapSaver::save_soon() {
@@ -75,6 +100,7 @@ void MapSaver::run(std::stop_token stop) {
     }
     if (stop.stop_requested()) return;
     try {
+      MutexLock saving(save_mutex_);
       save();
     } catch (const std::exception& e) {
       // Tried again at every interval; said once.
@@ -84,51 +110,137 @@ void MapSaver::run(std::stop_token stop) {
   }
 }
 
+// Another map than the file's never takes its place: it gets a file of its own.
+void MapSaver::begin_file(const MapCopy& copy) {
+  auto target = std::make_unique<Target>();
+  target->map_version = copy.map_version;
+  if (options_.library) {
+    MapLibrary::NewMap made = options_.library->new_map();
+    target->path = std::move(made.path);
+    target->lock = std::move(made.lock);
+  } else {
+    const bool into_given = !target_ && (options_.continues || !std::filesystem::exists(options_.path));
+    target->path = into_given ? options_.path : next_map_path(options_.path);
+    target->replaces = !(into_given && options_.continues);
+    target->locked = is_locked_map(target->path);
+    MutexLock lock(mutex_);
+    if (!into_given) message_ = "this is another map: it is kept in " + target->path;
+  }
+  target_ = std::move(target);
+  MutexLock lock(mutex_);
+  path_ = target_->path;
+  locked_ = target_->locked;
+}
+
+// A file that could not be begun leaves nothing behind.
+void MapSaver::drop_file() {
+  const std::string path = target_->path;
+  target_.reset();
+  std::error_code error;
+  std::filesystem::remove(path, error);
+  std::filesystem::remove(path + "-journal", error);
+  MutexLock lock(mutex_);
+  path_.clear();
+}
+
 bool MapSaver::save() {
   const MapCopy copy = copy_();
   if (copy.map.empty()) return false;
   MapDocument document;
   document.map = copy.map;
   document.calibration = options_.calibration;
-  document.name = options_.name;
+  const bool fresh = !target_ || target_->map_version != copy.map_version;
   {
     MutexLock lock(mutex_);
+    if (fresh && options_.library && !path_.empty()) {
+      target_.reset();
+      path_.clear();  // another map was begun: it has neither file nor name
+      name_.clear();
+      merged_from_.clear();
+      locked_ = false;
+    }
+    document.name = name_;
+    document.merged_from = merged_from_;
     if (extras_.map_version == copy.map_version) {
       // The world may have moved since the window looked at it.
-      const SimilarityTransform copy_from_theirs = copy.world_from_first * extras_.world_from_first.inverse();
       document.content = extras_.content;
-      for (ContentItem& item : document.content) item.world_from_item = copy_from_theirs * item.world_from_item;
+      const WorldState world = copy.world();
+      for (ContentItem& item : document.content)
+        item.world_from_item = world.now_from(extras_.world, item.position(), item.seen_from) * item.world_from_item;
       document.games = extras_.games;
       document.scale_is_known = extras_.scale_is_known;
     }
   }
+  if (fresh && options_.library && !is_worth_keeping(document)) return false;
   const std::uint64_t hash = hash_of(document);
-
-  bool another = false;
-  if (!target_ || target_->map_version != copy.map_version) {
-    // Another map than the file's never takes its place.
-    const bool into_given = !target_ && (options_.continues || !std::filesystem::exists(options_.path));
-    const std::string path = into_given ? options_.path : next_map_path(options_.path);
-    target_ = std::make_unique<Target>(path, options_.program);
-    target_->map_version = copy.map_version;
-    another = !(into_given && options_.continues);
-    MutexLock lock(mutex_);
-    path_ = path;
-    if (!into_given) message_ = "this is another map: it is kept in " + path;
+  if (fresh) begin_file(copy);
+  if (target_->locked || target_->saved_hash == hash) return false;
+  try {
+    target_->save(document, options_.program);
+  } catch (const std::exception&) {
+    if (fresh && options_.library) drop_file();
+    throw;
   }
-  if (target_->saved_hash == hash) return false;
-  target_->file.save(document, another);
   target_->saved_hash = hash;
+  {
+    MutexLock lock(mutex_);
+    ++saves_;
+    if (std::exchange(failing_, false)) message_ = "the map is saved again";
+  }
+  if (fresh && options_.library) {
+    const auto gone = options_.library->keep_newest_unnamed(options_.unnamed_kept, target_->path);
+    MutexLock lock(mutex_);
+    if (!gone.empty())
+      message_ = "the oldest map without a name went to the trash (" + gone.front() + "): name what is to stay";
+  }
+  return true;
+}
+
+bool MapSaver::change_map(bool keep_present, const std::function<std::optional<MapOnFile>()>& change) {
+  PARALLAX_CHECK(options_.library != nullptr, "sessions with a library go over to other maps");
+  MutexLock saving(save_mutex_);
+  if (keep_present) save();
+  std::optional<MapOnFile> next = change();
+  if (!next) return false;
+  target_.reset();
+  if (!next->path.empty()) {
+    target_ = std::make_unique<Target>();
+    target_->path = next->path;
+    target_->lock = std::move(next->lock);
+    target_->locked = next->locked;
+    target_->map_version = next->map_version;
+  }
   MutexLock lock(mutex_);
-  ++saves_;
-  if (std::exchange(failing_, false)) message_ = "the map is saved again";
+  path_ = next->path;
+  locked_ = next->locked;
+  name_.clear();
+  merged_from_.clear();
+  extras_ = {};
+  awaited_ = 0;
+  if (next->document) {
+    name_ = next->document->name;
+    merged_from_ = next->document->merged_from;
+    extras_ = {next->map_version, {}, next->document->content, next->document->games, next->document->scale_is_known};
+    awaited_ = next->map_version;
+  }
   return true;
 }
 
 void MapSaver::finish() {
   thread_.request_stop();
   thread_.join();
+  MutexLock saving(save_mutex_);
   save();
+}
+
+void MapSaver::set_locked(bool locked) {
+  MutexLock saving(save_mutex_);
+  if (locked) save();
+  if (!target_) throw RunError("the map has no file yet");
+  MapLibrary::set_locked(target_->path, locked);
+  target_->locked = locked;
+  MutexLock lock(mutex_);
+  locked_ = locked;
 }
 
 std::string MapSaver::take_message() {
@@ -146,6 +258,29 @@ std::string MapSaver::path() const {
   return path_;
 }
 
+std::string MapSaver::name() const {
+  MutexLock lock(mutex_);
+  return name_;
+}
+
+bool MapSaver::is_locked() const {
+  MutexLock lock(mutex_);
+  return locked_;
+}
+
+bool is_worth_keeping(const MapDocument& document) {
+  // A map that was gone on with, or on which something was put.
+  constexpr int kKeyframes = 4;
+  constexpr std::chrono::seconds kSpan{3};
+  if (!document.name.empty() || !document.content.empty() || !document.games.empty()) return true;
+  Timestamp first = Timestamp::max(), last = Timestamp::min();
+  for (const Keyframe& keyframe : document.map.keyframes) {
+    first = std::min(first, keyframe.time);
+    last = std::max(last, keyframe.time);
+  }
+  return document.map.keyframes.size() >= kKeyframes && last - first >= kSpan;
+}
+
 MapSaverOptions begin_map_file(const std::string& path, const CameraModel& camera, RunOptions* options) {
   MapSaverOptions out;
   if (path.empty()) return out;
@@ -155,6 +290,7 @@ MapSaverOptions begin_map_file(const std::string& path, const CameraModel& camer
   if (std::filesystem::exists(path)) {
     options->initial_map = open_initial_map(path, camera);
     out.name = options->initial_map->name;
+    out.merged_from = options->initial_map->merged_from;
     out.continues = true;
     out.extras = {kInitialMapVersion,
                   {},

@@ -48,7 +48,9 @@ bool draw_task(LiveState* state) {
   if (state->focus_text || !ImGui::IsAnyItemActive()) ImGui::SetKeyboardFocusHere();
   state->focus_text = false;
   ImGui::SetNextItemWidth(12 * ImGui::GetFontSize());
-  const char* name = state->task == Task::write_label ? "label" : "cm between the points";
+  const char* name = state->task == Task::write_label ? "label"
+                     : state->task == Task::name_map  ? "name of the map"
+                                                      : "cm between the points";
   entered = ImGui::InputText(name, state->text.data(), state->text.size(),
                              ImGuiInputTextFlags_EnterReturnsTrue | ImGuiInputTextFlags_AutoSelectAll);
   ImGui::SameLine();

@@ -41,6 +41,8 @@ void draw_map_panel(LiveState* state, LiveEngine* engine, const LiveFrame* frame
   ImGui::Separator();
   if (ImGui::Button("Forget the map")) state->requests.reset = true;
   ImGui::EndDisabled();
+  ImGui::SameLine();
+  if (ImGui::Button("All maps")) state->requests.maps = true;
   ImGui::End();
 }
 

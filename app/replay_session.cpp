@@ -23,7 +23,7 @@ class Replay {
         camera_(camera_of(*source)),
         options_(recorded_options(*source, options)),
         schedule_(parse_schedule(source->contents().schedule, source->description()), &map_),
-        mapper_(camera_, options_.mapper, &map_, schedule_.mapper()),
+        mapper_(camera_, with_vocabulary(options_.mapper), &map_, schedule_.mapper()),
         tracker_(camera_, options_.tracker, options_.automatic_initialisation(), schedule_.tracker()) {
     begin_with(options_, &map_);
     schedule_.set_mapper_step([this] { return mapper_.step(); });

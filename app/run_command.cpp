@@ -14,6 +14,7 @@
 #include "app/run_outputs.h"
 #include "app/run_session.h"
 #include "app/run_settings.h"
+#include "app/session_maps.h"
 #include "app/source.h"
 #include "core/error.h"
 
@@ -22,8 +23,8 @@ namespace {
 
 struct RunArguments {
   std::string source, calibration, init = "auto", pace;
-  std::string trajectory, keyframes, points, map, from, timing, report, video, frames, truth, game;
-  bool no_occlusion = false;
+  std::string trajectory, keyframes, points, map, maps, from, timing, report, video, frames, truth, game;
+  bool no_occlusion = false, no_loops = false;
   int start = 0, count = -1, threads = 1;
   double speed = 1.0;
   std::vector<std::string> settings;
@@ -77,7 +78,7 @@ RecordingSource* source_to_replay(const RunArguments& args, const OpenedSource& 
   auto* recording = dynamic_cast<RecordingSource*>(opened.frames.get());
   const bool possible = recording && can_replay(*recording);
   const bool changed = args.init != "auto" || args.start > 0 || !args.calibration.empty() || !args.settings.empty() ||
-                       !args.from.empty();
+                       !args.from.empty() || !args.maps.empty() || args.no_loops;
   if (args.pace == "replay") {
     if (!possible) throw InputError("--pace replay: " + args.source + " is no recorded session");
     if (changed) throw InputError("--pace replay: a session is replayed with its own settings, found others");
@@ -90,6 +91,7 @@ int run(RunArguments args) {
   options.key_presses = parse_init(args.init);
   options.speed = args.speed;
   options.mapper.threads = args.threads;
+  options.mapper.close_loops = !args.no_loops;
   apply_settings(args.settings, &options);
   const std::optional<GameRequest> game =
       args.game.empty() ? std::nullopt : std::optional(parse_game_request(args.game));
@@ -123,6 +125,9 @@ int run(RunArguments args) {
     if (game) wanted.models = std::make_shared<const ModelSet>(ModelSet::load(asset_folder("models")));
     drawing = std::make_unique<RunDrawing>(opened.camera, fps, wanted);
   }
+  std::unique_ptr<RunMaps> maps;
+  if (!args.maps.empty())
+    maps = std::make_unique<RunMaps>(opened.camera, options, std::make_shared<const MapLibrary>(args.maps));
   RunResult result;
   ReplayReport replay;
   OutputSteps steps;
@@ -135,7 +140,7 @@ int run(RunArguments args) {
       progress.update(++done, to_string(tracked.state));
     };
     result = replayed ? replay_session(replayed, options, observer, &replay)
-                      : run_session(source.get(), opened.camera, options, observer);
+                      : run_session(source.get(), opened.camera, options, observer, maps.get());
   }
   if (drawing) steps([&] { drawing->close(); });
   const bool video_written = !args.video.empty() && !steps.failed();
@@ -153,6 +158,8 @@ int run(RunArguments args) {
     steps([&] { write_report_json(result, context, args.report, played ? &*played : nullptr); });
   }
   std::cout << summary_text(result);
+  for (const MapNews& news : maps ? maps->news() : std::vector<MapNews>())
+    std::cout << (news.frame >= 0 ? "frame " + std::to_string(news.frame) + ": " : "") << news.text << '\n';
   if (played) std::cout << game_text(*played);
   if (video_written) std::cout << "video: " << args.video << '\n';
   if (drawing && drawing->left_out() > 0)
@@ -191,11 +198,19 @@ void add_run_command(CLI::App& app, int* exit_code) {
   command->add_option("--start", args->start, "First frame")->check(CLI::NonNegativeNumber);
   command->add_option("--frames-limit", args->count, "At most so many frames")->check(CLI::Range(1, 1000000000));
   command->add_option("--threads", args->threads, "Threads of one bundle adjustment")->check(CLI::Range(1, 64));
+  command->add_flag("--no-loops", args->no_loops, "Do not close loops");
   command->add_option("--trajectory", args->trajectory, "Write every tracked pose (TUM form)");
   command->add_option("--keyframes", args->keyframes, "Write the keyframes' poses (TUM form)");
   command->add_option("--points", args->points, "Write the map's points (PLY)");
-  command->add_option("--map", args->map, "Write the map, to go on with later (`parallax map info`)");
-  command->add_option("--from", args->from, "Begin with this saved map, and with finding the place on it");
+  CLI::Option* map =
+      command->add_option("--map", args->map, "Write the map, to go on with later (`parallax map info`)");
+  CLI::Option* from =
+      command->add_option("--from", args->from, "Begin with this saved map, and with finding the place on it");
+  command
+      ->add_option("--maps", args->maps,
+                   "Keep every map in this folder, and go over to the one that knows the place: several maps")
+      ->excludes(map)
+      ->excludes(from);
   command->add_option("--timing", args->timing, "Write a row a frame (CSV)");
   command->add_option("--report", args->report, "Write counts, timings and settings (JSON)");
   command->add_option("--truth", args->truth, "Write the source's true poses, where it carries them (TUM form)");

@@ -31,6 +31,30 @@ nlohmann::json to_json(const Percentiles& p) { return {{"median", p.median}, {"p
 
 bool on_map(const TrackingResult& r) { return r.camera_from_world.has_value(); }
 
+nlohmann::json loops_json(const MapperStatistics& mapper) {
+  const LoopDetectionStatistics& found = mapper.loops;
+  nlohmann::json out = {{"keyframes_looked_up", found.words}, {"alike", found.alike},
+                        {"compared", found.compared},         {"found", found.found},
+                        {"refused", mapper.loops_refused},    {"closed", mapper.loops_closed},
+                        {"words_ms", found.words_ms},         {"compare_ms", found.compare_ms}};
+  out["last"] = nlohmann::json::array();
+  for (const LoopReport& r : mapper.loop_reports)
+    out["last"].push_back({{"closed", r.closed},
+                           {"reason", r.reason},
+                           {"drift_m", r.drift_m},
+                           {"drift_scale", r.drift_scale},
+                           {"keyframes", r.keyframes},
+                           {"points_fused", r.points_fused},
+                           {"joint_points", r.joint_points},
+                           {"error_before", r.error_before},
+                           {"error_after", r.error_after},
+                           {"graph_ms", r.graph_ms},
+                           {"fuse_ms", r.fuse_ms},
+                           {"adjust_ms", r.adjust_ms},
+                           {"commit_ms", r.commit_ms}});
+  return out;
+}
+
 template <class Get>
 std::vector<float> collect(const RunResult& result, Get get) {
   std::vector<float> out;
@@ -70,7 +94,9 @@ void write_run_map(const RunResult& result, const CameraModel& camera, const std
   if (result.map.empty()) throw RunError(path + ": not written: there is no map");
   MapDocument document;
   if (result.initial_map) document = *result.initial_map;  // its name, and what stands on it
-  for (ContentItem& item : document.content) item.world_from_item = result.world_from_first * item.world_from_item;
+  const WorldState world{result.world_from_first, result.warps};
+  for (ContentItem& item : document.content)
+    item.world_from_item = world.now_from({}, item.position(), item.seen_from) * item.world_from_item;
   document.map = result.map;
   document.calibration = format_calibration(camera);
   write_map_file(document, path, std::string("parallax ") + PARALLAX_VERSION);
@@ -169,6 +195,7 @@ void write_report_json(const RunResult& result, const ReportContext& context, co
                        {"insertion_ms", to_json(percentiles(result.mapper.insertion_ms))},
                        {"local_adjustment_ms", to_json(percentiles(result.mapper.local_ms))},
                        {"global_adjustment_ms", to_json(percentiles(result.mapper.global_ms))}};
+  report["loops"] = loops_json(result.mapper);
   report["lock_ms"] = {{"map_wait", to_json(percentiles(result.lock_times.wait_ms))},
                        {"map_hold", to_json(percentiles(result.lock_times.hold_ms))},
                        {"tracker_wait", to_json(percentiles(result.snapshot_waits_ms))}};
@@ -197,6 +224,7 @@ std::string summary_text(const RunResult& result) {
       << result.frames_dropped << "\nmap: " << result.map.keyframes.size() << " keyframes, " << result.map.points.size()
       << " points\ntracking: median " << std::fixed << std::setprecision(2) << total.median << " ms, 99th percentile "
       << total.p99 << " ms a frame\n";
+  if (result.mapper.loops_closed > 0) out << "loops closed: " << result.mapper.loops_closed << '\n';
   return out.str();
 }
 

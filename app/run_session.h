@@ -78,6 +78,7 @@ struct RunResult {
   Map map;                                         // as it was at the end
   std::shared_ptr<const MapDocument> initial_map;  // what the session began with, when the map is still that one
   SimilarityTransform world_from_first;
+  WorldWarps warps;
   std::uint64_t map_version = 0;
   LockTimes lock_times;
   std::vector<float> snapshot_waits_ms;
@@ -88,9 +89,23 @@ struct RunResult {
 using FrameObserver =
     std::function<void(const Frame&, const TrackingResult&, const std::shared_ptr<const TrackingSnapshot>&)>;
 
+// Somebody who looks on and may change the map between frames (several maps). Everything is called on the tracking
+// thread.
+class SessionCompanion {
+ public:
+  virtual ~SessionCompanion() = default;
+  // Before the first frame. `work` lets the mapper take what was sent, in lockstep; empty: it has a thread.
+  virtual void begin(SharedMap* map, MapperInbox* inbox, std::function<void()> work) = 0;
+  virtual void frame(const Frame& frame, const TrackingResult& tracked) = 0;
+  // After the last frame: nothing is sent any more. And when the mapper has finished its work; the map goes afterwards.
+  // A second call does nothing.
+  virtual void end() = 0;
+  virtual void finish() = 0;
+};
+
 // Runs to the end of the source. Mapping goes on after the last frame until there is nothing left to do (in realtime:
 // for at most a few seconds).
 RunResult run_session(FrameSource* source, const CameraModel& camera, const RunOptions& options,
-                      const FrameObserver& observer);
+                      const FrameObserver& observer, SessionCompanion* companion = nullptr);
 
 }  // namespace parallax

@@ -58,7 +58,9 @@ std::map<std::string, Target> targets_of(RunOptions* options) {
       {"mapper.min_sigma", &m.min_sigma},
       {"mapper.local_keyframes", &m.local_keyframes},
       {"mapper.cull_above_keyframes", &m.cull_above_keyframes},
+      {"mapper.max_keyframes", &m.max_keyframes},
       {"mapper.redundant_part", &m.redundant_part},
+      {"mapper.close_loops", &m.close_loops},
   };
 }
 

@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <limits>
 
+#include "app/place_vocabulary.h"
 #include "app/session_hash.h"
 #include "app/session_recorder.h"
 #include "core/error.h"
 #include "map/append_bounded.h"
+#include "mapper/map_maintenance.h"
 
 namespace parallax {
 namespace {
@@ -103,9 +105,16 @@ void keep_result(TrackingResult result, const RunOptions& options, RunResult* ou
   }
 }
 
+MapperOptions with_vocabulary(MapperOptions options) {
+  if (options.close_loops && !options.vocabulary) options.vocabulary = place_vocabulary();
+  return options;
+}
+
 void begin_with(const RunOptions& options, SharedMap* map) {
   if (!options.initial_map) return;
-  map->replace_map(options.initial_map->map);
+  Map known = options.initial_map->map;
+  age_counts(&known);
+  map->replace_map(std::move(known));
   map->publish();
 }
 
@@ -117,6 +126,7 @@ void collect_map(const SharedMap& map, const RunOptions& options, RunResult* out
   MapCopy copy = map.copy();
   out->map = std::move(copy.map);
   out->world_from_first = copy.world_from_first;
+  out->warps = copy.warps;
   out->map_version = copy.map_version;
   if (copy.map_version == kInitialMapVersion) out->initial_map = options.initial_map;
   out->lock_times = map.lock_times();
@@ -132,7 +142,7 @@ SessionEngine::SessionEngine(FrameSource* source, const CameraModel& camera, con
       inbox_(kMapperInbox),
       tracker_schedule_(tracker_schedule(&map_, &inbox_, recorder)),
       mapper_schedule_(mapper_schedule(&inbox_, recorder)),
-      mapper_(camera, options_.mapper, &map_, mapper_schedule_.get()),
+      mapper_(camera, with_vocabulary(options_.mapper), &map_, mapper_schedule_.get()),
       tracker_(camera, options_.tracker, options_.automatic_initialisation(), tracker_schedule_.get()),
       arriving_(kLiveQueue),
       started_(SteadyClock::now()) {

@@ -93,6 +93,10 @@ class KeyPresses {
 // Throws InputError when the frame is not of the camera's size.
 void check_size(const Frame& frame, const CameraModel& camera, const FrameSource& source);
 
+// The program's visual words for what needs them, unless they are there already. Throws InputError when the file is
+// not.
+MapperOptions with_vocabulary(MapperOptions options);
+
 // Puts the map that the options begin with in its place; before anything runs.
 void begin_with(const RunOptions& options, SharedMap* map);
 

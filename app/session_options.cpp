@@ -14,7 +14,7 @@ namespace parallax {
 namespace {
 
 // An option that is added must be added below too.
-static_assert(sizeof(TrackerOptions) == 288 && sizeof(MapperOptions) == 304, "the options and the list below differ");
+static_assert(sizeof(TrackerOptions) == 288 && sizeof(MapperOptions) == 328, "the options and the list below differ");
 
 template <class Options, class Visit>
 void visit_tracker(Options& t, const Visit& visit) {
@@ -99,7 +99,9 @@ void visit_mapper(Options& m, const Visit& visit) {
   visit("mapper.keyframe_outlier_part", m.keyframe_outlier_part);
   visit("mapper.min_keyframe_measurements", m.min_keyframe_measurements);
   visit("mapper.cull_above_keyframes", m.cull_above_keyframes);
+  visit("mapper.max_keyframes", m.max_keyframes);
   visit("mapper.redundant_part", m.redundant_part);
+  visit("mapper.close_loops", m.close_loops);
   visit("mapper.seed", m.seed);
 }
 

@@ -24,6 +24,7 @@ struct UserSettings {
   std::string pictures;                  // folder of screenshots; empty: the desktop's own
   std::string videos;                    // folder of videos and recordings; empty: the desktop's own
   double interface_scale = 1;            // of text and panels, on top of the screen's own
+  bool keep_maps = true;                 // keep maps by itself, and know them again (app/map_library.h)
   bool tracking_profile = true;          // lock exposure, focus and white balance once settled
 };
 

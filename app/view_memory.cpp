@@ -24,13 +24,14 @@ void ViewMemory::update(const TrackingResult& tracked) {
   if (tracked.camera_from_world) {
     pose_ = tracked.camera_from_world;
     map_version_ = tracked.map_version;
-    world_from_first_ = tracked.world_from_first;
+    world_ = tracked.stamp();
+    seen_from_ = tracked.seen_from;
   }
 }
 
 std::optional<RigidTransform> ViewMemory::last_pose(const TrackingSnapshot& map) const {
   if (!pose_ || map.map_version != map_version_) return std::nullopt;
-  return (map.world_from_first * world_from_first_.inverse()).rebase(*pose_);
+  return map.world().rebase(world_, *pose_, seen_from_);
 }
 
 const SnapshotKeyframe* nearest_keyframe(const TrackingSnapshot& map, const RigidTransform& camera_from_world) {

@@ -29,7 +29,8 @@ class ViewMemory {
   Timestamp message_time_{0};
   std::optional<RigidTransform> pose_;
   std::uint64_t map_version_ = 0;
-  SimilarityTransform world_from_first_;
+  WorldStamp world_;
+  KeyframeId seen_from_;
 };
 
 // The keyframe from which the view is most like the one from this pose: near it, in units of the depth of its scene,

@@ -170,7 +170,7 @@ void BurningGlass::step(const GameInput& input) {
   const double warming = difficulty_ == GameDifficulty::easy ? 1.4 : difficulty_ == GameDifficulty::hard ? 0.75 : 1.0;
   const Sheet::Step& burnt = sheet_.advance(material(), lit ? &light_ : nullptr, warming, kGameTick_s);
   if (first_burn_ < 0 && !burnt.fresh.empty()) first_burn_ = burnt.fresh.front();
-  strokes_.note(!burnt.changed.empty(), sheet_.charred());
+  strokes_.note(burnt.by_light, burnt.changed, sheet_.charred());
   pictures_.stale.include(burnt.changed);
   make_sounds(particles_.advance(sheet_, material(), kGameTick_s));
   gather_light(lit);

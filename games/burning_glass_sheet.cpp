@@ -13,6 +13,7 @@ constexpr double kStableShare = 0.9;    // of the bound
 constexpr double kHandedOn = 0.95;      // of a char, by a glow that runs on in the dark
 constexpr double kGlowPerSecond = 1.5;  // share of a full char, at the most, by that glow
 constexpr float kLit = 1;               // suns: more is not the dark
+constexpr float kBurningLight = 3;      // suns: less makes no char of its own
 constexpr std::size_t kFreshMost = 32;
 
 double diffusivity_in_cells(const Material& material) {
@@ -163,6 +164,7 @@ void Sheet::burn(const Material& material, const LightOnSheet* light, double dt_
       const double added = static_cast<double>(after - before) / kFullChar;
       step_.charred += added;
       step_.changed.include(column, row);
+      step_.by_light = step_.by_light || (light != nullptr && light->concentration[i] > kBurningLight);
       if (rate > kScorchPerSecond && step_.fresh.size() < kFreshMost) step_.fresh.push_back(static_cast<int>(i));
       temperature_[i] =
           std::min(temperature + static_cast<float>(material.smoulder_k * added), static_cast<float>(kHottest_k));
@@ -187,6 +189,7 @@ const Sheet::Step& Sheet::advance(const Material& material, const LightOnSheet* 
   step_.hottest_k = 0;
   step_.hottest_index = 0;
   step_.changed = SheetBox();
+  step_.by_light = false;
   step_.fresh.clear();
   const int steps = steps_for(material, dt_s);
   SheetBox reach = warm_;

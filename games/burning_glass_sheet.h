@@ -33,6 +33,7 @@ class Sheet {
     float hottest_k = 0;     // anywhere
     int hottest_index = 0;   // the cell of it
     SheetBox changed;        // where char was added
+    bool by_light = false;   // some of it where the light is, not by heat that was left
     std::vector<int> fresh;  // cells that charred, at most a few dozen of them, for smoke
   };
   // `light` may be null: dark. `warming` scales the sun.

@@ -1,16 +1,43 @@
 #include "games/burning_glass_strokes.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace parallax::burning {
 
-void Strokes::note(bool burnt, const Char& now) {
-  if (burnt) {
+void Strokes::note(bool by_light, const SheetBox& changed, const Char& now) {
+  if (by_light) {
     open_ = true;
     quiet_ = 0;
-  } else if (open_ && ++quiet_ >= kQuietTicks) {
-    close(now);
+  } else if (open_) {
+    if (++quiet_ >= kQuietTicks) close(now);
+  } else {
+    take_afterglow(changed, now);
   }
+}
+
+// The last stroke smoulders on: what it was before is kept of the cells that it reaches now.
+void Strokes::take_afterglow(const SheetBox& changed, const Char& now) {
+  if (changed.empty()) return;
+  for (int row = changed.bottom; row < changed.top; ++row) {
+    for (int column = changed.left; column < changed.right; ++column) {
+      const std::size_t i = SheetGrid::index(column, row);
+      if (now[i] == base_[i]) continue;
+      if (!closed_.empty()) {
+        Cells& stroke = closed_.back();
+        const auto cell = static_cast<std::uint32_t>(i);
+        const auto place =
+            std::lower_bound(stroke.begin(), stroke.end(), cell,
+                             [](const CellValue& kept, std::uint32_t wanted) { return kept.cell < wanted; });
+        if (place == stroke.end() || place->cell != cell) {
+          stroke.insert(place, {cell, base_[i]});
+          ++cells_;
+        }
+      }
+      base_[i] = now[i];
+    }
+  }
+  forget_oldest();
 }
 
 void Strokes::close(const Char& now) {

@@ -1,5 +1,6 @@
-// Strokes of burning, and what the sheet was before each: a stroke begins with the first new char and ends when there
-// was none for a while. The last one is undone first. Bounded: the oldest strokes can no longer be undone when there
+// Strokes of burning, and what the sheet was before each: a stroke begins with the first char that the light makes and
+// ends when it made none for a while. What smoulders on after that belongs to the stroke before it. The last one is
+// undone first. Bounded: the oldest strokes can no longer be undone when there
 // are too many or they are too large.
 //
 // A value; one thread at a time.
@@ -14,7 +15,7 @@
 
 namespace parallax::burning {
 
-inline constexpr int kQuietTicks = 60;  // half a second without new char ends a stroke
+inline constexpr int kQuietTicks = 60;  // half a second without new char by the light ends a stroke
 inline constexpr std::size_t kMostStrokes = 64;
 inline constexpr std::size_t kMostStrokeCells = 120'000;  // of all strokes together
 
@@ -27,8 +28,8 @@ class Strokes {
   // Nothing to be undone on a sheet of this char.
   explicit Strokes(Char charred) : base_(std::move(charred)) {}
 
-  // After every step: whether there was new char, and the sheet's char now.
-  void note(bool burnt, const Char& now);
+  // After every step: whether the light made char, where there is new char at all, and the sheet's char now.
+  void note(bool by_light, const SheetBox& changed, const Char& now);
   // Takes the last stroke, going on or ended, off the char. False when there is none.
   bool undo(Char* charred);
 
@@ -43,11 +44,12 @@ class Strokes {
 
  private:
   void close(const Char& now);
+  void take_afterglow(const SheetBox& changed, const Char& now);
   void forget_oldest();
 
-  std::deque<Cells> closed_;
-  std::size_t cells_ = 0;  // of all closed ones
-  Char base_;              // the char without the open stroke
+  std::deque<Cells> closed_;  // each in the order of its cells
+  std::size_t cells_ = 0;     // of all closed ones
+  Char base_;                 // the char without the open stroke
   bool open_ = false;
   int quiet_ = 0;
 };

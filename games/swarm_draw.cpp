@@ -15,9 +15,8 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-constexpr double kStride = 0.07;       // a cycle of the legs takes so much way
-constexpr float kSwing = 0.45f;        // of a leg, radians
 constexpr double kWheelRadius = 0.16;  // of the robot's length
+constexpr double kNear_px = 1000;      // taken to be seen as large as this where that is not known
 
 DrawColour faded(DrawColour colour, double alpha) {
   colour.a *= static_cast<float>(std::clamp(alpha, 0.0, 1.0));
@@ -29,11 +28,13 @@ DrawColour mixed(const DrawColour& a, const DrawColour& b, float part) {
 
 class Painter {
  public:
-  Painter(const Simulation& simulation, const PlayingField& field, const ModelSet& models, DrawList* out)
+  Painter(const Simulation& simulation, const PlayingField& field, const ModelSet& models, CritterPoses* poses,
+          DrawList* out)
       : simulation_(simulation),
         state_(simulation.state()),
         radius_(simulation.unit_m()),
         models_(models),
+        poses_(*poses),
         out_(*out),
         safe_(state_.colour_blind_safe) {
     world_from_plane_.linear() = field.world_from_plane.R.cast<float>();
@@ -72,31 +73,19 @@ class Painter {
     out_.sprites.push_back({at, static_cast<float>(size * radius_), colour, additive});
   }
 
-  // Opposite legs of a pair, and neighbours on a side, swing against each other; a leg that goes forward is lifted.
-  void move_legs(const Model& model, double walked, float lively, std::vector<PartMotion>* motion) const {
-    int legs = 0;
-    for (const ModelPart& part : model.parts) {
-      if (part.name.rfind("leg", 0) != 0) continue;
-      const Vector3f joint = part.model_from_part.translation();
-      const float side = joint.y() >= 0 ? 1.0f : -1.0f;
-      const double cycle = 2 * std::numbers::pi * walked / kStride + 2.1 * legs + (side > 0 ? 0 : std::numbers::pi);
-      const auto swing = static_cast<float>(std::sin(cycle)) * kSwing * lively;
-      const float lift = std::max(static_cast<float>(std::cos(cycle)), 0.0f) * 0.35f * lively;
-      Affine3f turn = Affine3f::Identity();
-      turn.rotate(AngleAxisf(side * -swing, Vector3f::UnitZ()) * AngleAxisf(side * lift, Vector3f::UnitX()));
-      motion->push_back({part.name, turn});
-      if (side < 0) ++legs;
-    }
+  // How long a thing of a length in the game's units is seen to be there.
+  double seen_px(const Vector3f& at, double length) const {
+    if (!out_.camera_from_world || out_.camera.width() <= 0) return kNear_px;
+    const double distance = (*out_.camera_from_world * at.cast<double>()).norm();
+    return length * radius_ / std::max(distance, 1e-6) * out_.camera.mean_focal_px();
   }
 
   void paint(const Critter& critter) {
     const Model& model = models_.model(rules_of(critter.kind).model);
-    std::vector<PartMotion> motion;
-    move_legs(model, critter.walked, critter.phase == CritterPhase::leaping ? 0.2f : 1.0f, &motion);
-    const bool open = critter.rest_ticks > kBiteRest / 2 || critter.phase == CritterPhase::charging;
-    Affine3f jaw = Affine3f::Identity();
-    jaw.rotate(AngleAxisf(open ? 0.4f : 0.08f, Vector3f::UnitY()));
-    motion.push_back({"jaw", jaw});
+    CritterPose pose;
+    pose.walked = critter.walked;
+    pose.leaping = critter.phase == CritterPhase::leaping;
+    pose.open = critter.rest_ticks > kBiteRest / 2 || critter.phase == CritterPhase::charging;
     Affine3f at = placed(critter.position, critter.height, critter.heading, kCritterLength * (1 + 0.3 * bulk(critter)));
     if (critter.phase == CritterPhase::climbing)  // head first over the edge
       at.rotate(AngleAxisf(static_cast<float>(8 * critter.height), Vector3f::UnitY()));
@@ -106,12 +95,15 @@ class Painter {
     const double alpha = 1 + critter.height / kClimbDepth;
     const bool above = critter.phase != CritterPhase::climbing;
     const DrawColour tint = faded(mixed({1, 1, 1, 1}, colour_of(critter.kind, safe_), 0.35f), above ? 1 : alpha);
-    const std::size_t first = out_.meshes.size();
-    draw_model(model, at, tint, critter.hurt_ticks > 0 ? 0.9f : 0.1f, motion, &out_);
-    // Nothing below the table darkens it, and limbs are too thin to: a shadow for each critter, not one for each part.
-    for (std::size_t i = first; i < out_.meshes.size(); ++i)
-      out_.meshes[i].casts_shadow =
-          above && model.parts[i - first].name.rfind("leg", 0) != 0 && model.parts[i - first].name != "jaw";
+    const CritterPoses::Body body = poses_.body(model, pose, seen_px(at.translation(), kCritterLength));
+    const float emission = critter.hurt_ticks > 0 ? 0.9f : 0.1f;
+    if (body.trunk) {
+      // Nothing below the table darkens it.
+      out_.meshes.push_back({body.trunk, at, tint, emission, above});
+      out_.meshes.push_back({body.limbs, at, tint, emission, false});
+    } else {
+      draw_model(model, at, tint, emission, critter_motion(model, pose), &out_);
+    }
     if (critter.health < critter.full_health) paint_bar(critter);
   }
   static double bulk(const Critter& critter) { return (critter.full_health - 10) / 50.0; }
@@ -232,6 +224,7 @@ class Painter {
   const State& state_;
   double radius_;
   const ModelSet& models_;
+  CritterPoses& poses_;
   DrawList& out_;
   bool safe_;
   Affine3f world_from_plane_ = Affine3f::Identity();
@@ -239,8 +232,9 @@ class Painter {
 
 }  // namespace
 
-void draw_swarm(const Simulation& simulation, const PlayingField& field, const ModelSet& models, DrawList* out) {
-  Painter(simulation, field, models, out).run();
+void draw_swarm(const Simulation& simulation, const PlayingField& field, const ModelSet& models, CritterPoses* poses,
+                DrawList* out) {
+  Painter(simulation, field, models, poses, out).run();
 }
 
 DrawColour colour_of(CritterKind kind, bool colour_blind_safe) {

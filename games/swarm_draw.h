@@ -2,14 +2,17 @@
 #pragma once
 
 #include "games/playing_field.h"
+#include "games/swarm_poses.h"
 #include "games/swarm_simulation.h"
 #include "render/draw_list.h"
 #include "render/model_set.h"
 
 namespace parallax::swarm {
 
-// Appends to the list; world frame.
-void draw_swarm(const Simulation& simulation, const PlayingField& field, const ModelSet& models, DrawList* out);
+// Appends to the list; world frame. `poses` keeps what was made for pictures before; it goes with the models. Things
+// are as fine as the list's camera sees them.
+void draw_swarm(const Simulation& simulation, const PlayingField& field, const ModelSet& models, CritterPoses* poses,
+                DrawList* out);
 
 // Of a kind of critter, or of what is not a critter: told apart by people with any colour vision in the safe palette
 // (Okabe and Ito 2008).

@@ -71,7 +71,9 @@ class SwarmGame : public Game {
   bool is_over() const override { return simulation_.state().over; }
   GameHud hud() const override;
   std::vector<GameSound> take_sounds() override;
-  void draw(const ModelSet& models, DrawList* out) const override { draw_swarm(simulation_, field_, models, out); }
+  void draw(const ModelSet& models, DrawList* out) const override {
+    draw_swarm(simulation_, field_, models, &poses_, out);
+  }
   std::optional<GameLandmark> landmark() const override {
     const Eigen::Vector2d at = simulation_.state().home * simulation_.unit_m();
     return GameLandmark{1, {at.x(), at.y(), 0}};
@@ -89,6 +91,7 @@ class SwarmGame : public Game {
  private:
   PlayingField field_;
   swarm::Simulation simulation_;
+  mutable swarm::CritterPoses poses_;  // made for pictures: no part of the state
 };
 
 std::string seconds_left(const char* what, int ticks_left) {

@@ -31,10 +31,10 @@ RigidTransform frame_on_surface(const Eigen::Vector3d& position, const Eigen::Ve
   return out;
 }
 
-void Content::follow(const TrackingSnapshot& map) { follow(map.map_version, map.world_from_first); }
+void Content::follow(const TrackingSnapshot& map) { follow(map.map_version, map.world()); }
 
-void Content::follow(std::uint64_t map_version, const SimilarityTransform& world_from_first) {
-  world_from_first_ = world_from_first;
+void Content::follow(std::uint64_t map_version, const WorldState& world) {
+  world_ = world;
   if (map_version != map_version_) {
     std::vector<Anchored> all = std::move(parked_);
     all.insert(all.end(), std::make_move_iterator(anchored_.begin()), std::make_move_iterator(anchored_.end()));
@@ -43,10 +43,13 @@ void Content::follow(std::uint64_t map_version, const SimilarityTransform& world
     parked_.clear();
     for (Anchored& a : all) (a.map_version == map_version ? anchored_ : parked_).push_back(std::move(a));
     map_version_ = map_version;
+    seen_from_ = KeyframeId();
   }
   items_.clear();
   for (Anchored& a : anchored_) {
-    a.item.world_from_item = world_from_first_ * a.first_from_item;
+    for (; a.warps < world_.warps.size(); ++a.warps)
+      a.first_from_item = world_.warps[a.warps]->at(a.first_from_item.t, a.item.seen_from) * a.first_from_item;
+    a.item.world_from_item = world_.world_from_first * a.first_from_item;
     items_.push_back(a.item);
   }
 }
@@ -56,7 +59,8 @@ int Content::add(ContentItem item) {
                      item.end_in_item.allFinite() && item.size_m > 0,
                  "content is placed somewhere and has a size");
   item.id = next_id_++;
-  anchored_.push_back({map_version_, item, world_from_first_.inverse() * item.world_from_item});
+  anchored_.push_back(
+      {map_version_, item, world_.world_from_first.inverse() * item.world_from_item, world_.warps.size()});
   items_.push_back(std::move(item));
   return items_.back().id;
 }
@@ -66,6 +70,7 @@ int Content::add_label(std::string text, const Eigen::Vector3d& position, const 
   item.kind = ContentKind::label;
   item.text = std::move(text);
   item.world_from_item = SimilarityTransform(frame_on_surface(position, normal));
+  item.seen_from = seen_from_;
   return add(std::move(item));
 }
 
@@ -75,6 +80,7 @@ int Content::add_model(std::string name, const RigidTransform& world_from_item, 
   item.text = std::move(name);
   item.world_from_item = SimilarityTransform(world_from_item);
   item.size_m = size_m;
+  item.seen_from = seen_from_;
   return add(std::move(item));
 }
 
@@ -84,6 +90,7 @@ int Content::add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, st
   item.text = std::move(text);
   item.world_from_item.t = from;
   item.end_in_item = to - from;
+  item.seen_from = seen_from_;
   return add(std::move(item));
 }
 
@@ -103,7 +110,8 @@ Content::Anchored* Content::anchored(int id) {
 void Content::place(Anchored* entry) {
   PARALLAX_CHECK(entry->item.world_from_item.t.allFinite() && entry->item.world_from_item.R.allFinite(),
                  "content is placed somewhere");
-  entry->first_from_item = world_from_first_.inverse() * entry->item.world_from_item;
+  entry->first_from_item = world_.world_from_first.inverse() * entry->item.world_from_item;
+  entry->warps = world_.warps.size();
   items_[static_cast<std::size_t>(entry - anchored_.data())] = entry->item;
 }
 
@@ -112,6 +120,7 @@ bool Content::move(int id, const RigidTransform& world_from_item) {
   if (entry == nullptr) return false;
   entry->item.world_from_item.R = world_from_item.R;
   entry->item.world_from_item.t = world_from_item.t;
+  entry->item.seen_from = seen_from_;
   place(entry);
   return true;
 }
@@ -120,6 +129,7 @@ bool Content::move(int id, const Eigen::Vector3d& position) {
   Anchored* entry = anchored(id);
   if (entry == nullptr) return false;
   entry->item.world_from_item.t = position;
+  entry->item.seen_from = seen_from_;
   place(entry);
   return true;
 }

@@ -27,6 +27,8 @@ struct ContentItem {
   SimilarityTransform world_from_item;
   double size_m = 0.05;                                   // of a model: its longest side, in the item's frame
   Eigen::Vector3d end_in_item = Eigen::Vector3d::Zero();  // of a line that begins at the item's origin
+  // The keyframe that saw the place it was put on: what it follows when a loop is closed. Not known of what was saved.
+  KeyframeId seen_from;
 
   Eigen::Vector3d position() const { return world_from_item.t; }
   Eigen::Vector3d line_end() const { return world_from_item * end_in_item; }
@@ -43,7 +45,12 @@ class Content {
  public:
   // Takes everything to the world of this snapshot; call it before anything else with each new snapshot.
   void follow(const TrackingSnapshot& map);
-  void follow(std::uint64_t map_version, const SimilarityTransform& world_from_first);
+  void follow(std::uint64_t map_version, const WorldState& world);
+  void follow(std::uint64_t map_version, const SimilarityTransform& world_from_first) {
+    follow(map_version, WorldState{world_from_first, {}});
+  }
+  // The keyframe that what is placed from now on is seen from (TrackingResult::seen_from).
+  void set_seen_from(KeyframeId keyframe) { seen_from_ = keyframe; }
 
   // Each returns the new item's identifier. Positions are in the world that was last followed; CHECKed to be finite.
   int add_label(std::string text, const Eigen::Vector3d& position, const Eigen::Vector3d& normal);
@@ -68,11 +75,12 @@ class Content {
   int parked() const { return static_cast<int>(parked_.size()); }
 
  private:
-  // Stored in the first world of its map, which never moves: nothing accumulates.
+  // Stored in the first world of its map, which never moves but for loops that are closed: nothing accumulates.
   struct Anchored {
     std::uint64_t map_version = 0;
     ContentItem item;
     SimilarityTransform first_from_item;
+    std::size_t warps = 0;  // closed loops that are in it
   };
   int add(ContentItem item);
   Anchored* anchored(int id);
@@ -80,7 +88,8 @@ class Content {
 
   int next_id_ = 1;
   std::uint64_t map_version_ = 0;
-  SimilarityTransform world_from_first_;
+  WorldState world_;
+  KeyframeId seen_from_;
   std::vector<Anchored> anchored_;  // of the present map, rows as in items_
   std::vector<Anchored> parked_;
   std::vector<ContentItem> items_;

@@ -18,6 +18,7 @@ struct MapDocument {
   bool scale_is_known = false;  // the user has set it; else 10 cm between the first two views (PTAM §6.1)
   std::vector<ContentItem> content;
   std::map<std::string, std::string> games;  // by game: Game::save()
+  std::vector<std::string> merged_from;      // what it was put together from, a line each; empty: one map
 };
 
 // What is said of a map file without reading the whole of it.
@@ -27,6 +28,7 @@ struct MapFileInfo {
   std::int64_t bytes = 0;
   std::string name, program, created, saved;  // times: "2026-11-22T14:05:09Z"
   bool scale_is_known = false;
+  std::vector<std::string> merged_from;
 };
 
 }  // namespace parallax

@@ -156,10 +156,13 @@ void MapFile::save_rest(const MapDocument& document) {
 
   const std::vector<std::string> created = database_->texts("SELECT value FROM meta WHERE key = 'created'", 1);
   const std::string now = now_utc();
+  std::string merged_from;
+  for (const std::string& line : document.merged_from) merged_from += line + '\n';
   const std::pair<std::string, std::string> meta[] = {
       {"calibration", document.calibration},
       {"created", created.empty() ? now : created.front()},
       {"keyframes", std::to_string(document.map.keyframes.size())},
+      {"merged_from", merged_from},
       {"name", document.name},
       {"points", std::to_string(document.map.points.size())},
       {"program", program_},

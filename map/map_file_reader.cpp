@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <sstream>
 #include <utility>
 
 #include "core/error.h"
@@ -64,6 +65,7 @@ class MapFileReader {
     out.created = meta_["created"];
     out.saved = meta_["saved"];
     out.scale_is_known = document_.scale_is_known;
+    out.merged_from = document_.merged_from;
     return out;
   }
 
@@ -131,6 +133,9 @@ class MapFileReader {
     document_.calibration = meta_["calibration"];
     document_.name = meta_["name"];
     document_.scale_is_known = meta_["scale"] == "known";
+    // Files that were written before maps were merged have no such text.
+    std::istringstream merged_from(meta_["merged_from"]);
+    for (std::string line; std::getline(merged_from, line);) document_.merged_from.push_back(line);
     if (document_.calibration.empty()) problem("meta 'calibration': found nothing, expected the lens");
   }
 

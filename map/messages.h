@@ -16,6 +16,8 @@
 #include "core/se3.h"
 #include "core/time.h"
 #include "map/entities.h"
+#include "map/map.h"
+#include "map/world_warp.h"
 
 namespace parallax {
 
@@ -25,7 +27,7 @@ struct KeyframeProposal {
   Timestamp time{0};
   RigidTransform camera_from_world;
   std::uint64_t world_version = 0, map_version = 0;  // of the snapshot it was tracked with
-  SimilarityTransform world_from_first;
+  WorldStamp world;
   std::shared_ptr<const FrameImages> images;
   std::vector<Measurement> measurements;
 };
@@ -82,8 +84,27 @@ struct PlaneRequest {
   std::promise<MapEditReply> reply;
 };
 
-using MapperMessage =
-    std::variant<KeyframeProposal, PointCounts, InitialisationRequest, ResetRequest, ScaleRequest, PlaneRequest>;
+// Another map, which was stored, takes the place of the present one; the tracker finds itself on it. Refused when the
+// present map is no longer that of `instead_of` (TrackingSnapshot::map_version): somebody else was quicker.
+struct LoadMapReply {
+  bool ok = false;
+  std::string reason;             // one sentence for the user when refused
+  std::uint64_t map_version = 0;  // of the map that was loaded
+};
+struct LoadMapRequest {
+  Map map;
+  bool adapt = true;  // false: the map stays as it is, whatever the tracker sees (a locked map)
+  std::uint64_t instead_of = 0;
+  std::promise<LoadMapReply> reply;
+};
+
+// From now on the present map stays as it is, or adapts again.
+struct AdaptRequest {
+  bool adapt = true;
+};
+
+using MapperMessage = std::variant<KeyframeProposal, PointCounts, InitialisationRequest, ResetRequest, ScaleRequest,
+                                   PlaneRequest, LoadMapRequest, AdaptRequest>;
 
 // The mapper's queue. A message that cannot wait (anything but counts) interrupts the solve in progress. Safe from any
 // thread.

@@ -39,6 +39,7 @@ void SharedMap::publish() {
   numbered->world_version = world_version_;
   numbered->map_version = map_version_;
   numbered->world_from_first = world_from_first_;
+  numbered->warps = warps_;
   snapshot_ = made;
   lock.unlock();
   if (listener_) listener_(made);
@@ -52,6 +53,7 @@ MapCopy SharedMap::copy() const {
     out.map_version = map_version_;
     out.world_version = world_version_;
     out.world_from_first = world_from_first_;
+    out.warps = warps_;
     return out;
   });
 }
@@ -66,12 +68,22 @@ void SharedMap::move_world(const SimilarityTransform& new_from_old) {
   });
 }
 
+void SharedMap::warp_world(Map corrected, std::shared_ptr<const WorldWarp> warp) {
+  write([&](Map& map) {
+    std::swap(map, corrected);
+    MutexLock lock(snapshot_mutex_);
+    ++world_version_;
+    warps_.push_back(std::move(warp));
+  });
+}
+
 void SharedMap::replace_map(Map map) {
   write([&](Map& shared) {
     std::swap(shared, map);
     MutexLock lock(snapshot_mutex_);
     ++map_version_;
     world_from_first_ = SimilarityTransform();
+    warps_.clear();
   });
 }
 

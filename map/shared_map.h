@@ -21,11 +21,13 @@ struct LockTimes {
   std::vector<float> wait_ms, hold_ms;
 };
 
-// A state of the map: `world_from_first` as in TrackingSnapshot.
+// A state of the map: `world_from_first` and `warps` as in TrackingSnapshot.
 struct MapCopy {
   Map map;
   std::uint64_t map_version = 0, world_version = 0;
   SimilarityTransform world_from_first;
+  WorldWarps warps;
+  WorldState world() const { return {world_from_first, warps}; }
 };
 
 class SharedMap {
@@ -66,6 +68,9 @@ class SharedMap {
 
   // Moves the world (Map::transform_world); the next publication carries the transform (mapper only).
   void move_world(const SimilarityTransform& new_from_old) PARALLAX_EXCLUDES(mutex_, snapshot_mutex_);
+  // The same map, corrected: every place moved as the warp says. The lock is held for an exchange; the next publication
+  // carries the warp (mapper only, and nothing was written since the map was copied to be corrected).
+  void warp_world(Map corrected, std::shared_ptr<const WorldWarp> warp) PARALLAX_EXCLUDES(mutex_, snapshot_mutex_);
   // Another map, which may be empty: nothing that referred to the old one is valid (mapper only).
   void replace_map(Map map) PARALLAX_EXCLUDES(mutex_, snapshot_mutex_);
 
@@ -97,6 +102,7 @@ class SharedMap {
   std::uint64_t world_version_ PARALLAX_GUARDED_BY(snapshot_mutex_) = 0;
   std::uint64_t map_version_ PARALLAX_GUARDED_BY(snapshot_mutex_) = 0;
   SimilarityTransform world_from_first_ PARALLAX_GUARDED_BY(snapshot_mutex_);
+  WorldWarps warps_ PARALLAX_GUARDED_BY(snapshot_mutex_);
 
   std::function<void(std::shared_ptr<const TrackingSnapshot>)> listener_;
 

@@ -10,6 +10,7 @@
 
 #include "core/se3.h"
 #include "map/map.h"
+#include "map/world_warp.h"
 
 namespace parallax {
 
@@ -23,10 +24,11 @@ struct SnapshotKeyframe {
 
 struct TrackingSnapshot {
   std::uint64_t version = 0;  // grows with every publication
-  // Changes of the world frame so far, and the product of them all: the tracker takes its pose from the world it knew
-  // to the present one by newest.world_from_first * (known.world_from_first)^-1.
+  // Changes of the world frame so far, the product of those that moved it as one, and those that closed a loop: the
+  // tracker takes its pose from the world it knew to the present one by newest.world().rebase(known.stamp(), ...).
   std::uint64_t world_version = 0;
   SimilarityTransform world_from_first;
+  WorldWarps warps;
   std::uint64_t map_version = 0;  // grows when the map is reset or initialised anew: nothing carries over
 
   std::vector<SnapshotKeyframe> keyframes;  // in order of age
@@ -45,6 +47,8 @@ struct TrackingSnapshot {
   std::optional<Plane> plane;  // the dominant one
   std::vector<Plane> planes;   // all of them, the dominant one included
 
+  WorldState world() const { return {world_from_first, warps}; }
+  WorldStamp stamp() const { return {world_from_first, warps.size()}; }
   int size() const { return static_cast<int>(id.size()); }
   bool empty() const { return keyframes.empty(); }
 };

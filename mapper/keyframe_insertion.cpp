@@ -6,15 +6,33 @@
 #include "mapper/point_measurer.h"
 
 namespace parallax {
+namespace {
+
+// The keyframe that measures the most of what the frame measured.
+KeyframeId most_in_common(SharedMap* map, const KeyframeProposal& proposal) {
+  return map->read([&](const Map& m) {
+    std::vector<int> count(static_cast<std::size_t>(m.keyframes.capacity()), 0);
+    for (const Measurement& x : proposal.measurements)
+      if (const MapPoint* p = m.points.find(x.point))
+        for (KeyframeId id : p->observers) ++count[static_cast<std::size_t>(id.index)];
+    KeyframeId best;
+    for (const Keyframe& kf : m.keyframes)
+      if (!best.valid() || count[static_cast<std::size_t>(kf.id.index)] > count[static_cast<std::size_t>(best.index)])
+        best = kf.id;
+    return best;
+  });
+}
+
+}  // namespace
 
 std::optional<KeyframeId> insert_keyframe(SharedMap* map, const CameraModel& camera, const MapperOptions& options,
                                           const KeyframeProposal& proposal) {
   const auto snapshot = map->snapshot();
   if (snapshot->empty() || snapshot->map_version != proposal.map_version) return std::nullopt;
-  // The world may have moved since the frame was tracked.
+  // The world may have moved since the frame was tracked, and not everywhere alike.
   RigidTransform pose = proposal.camera_from_world;
   if (snapshot->world_version != proposal.world_version)
-    pose = (snapshot->world_from_first * proposal.world_from_first.inverse()).rebase(pose);
+    pose = snapshot->world().rebase(proposal.world, pose, most_in_common(map, proposal));
 
   // What is needed of the points, copied; searched outside the lock.
   struct Job {

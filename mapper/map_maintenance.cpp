@@ -106,7 +106,8 @@ double redundant_enough(const MapperOptions& options, int keyframes) {
   if (keyframes > options.max_keyframes) return -1;
   const double full = static_cast<double>(keyframes - options.cull_above_keyframes) /
                       (options.max_keyframes - options.cull_above_keyframes);
-  return options.redundant_part + full * (std::min(options.redundant_part, kLeastRedundantPart) - options.redundant_part);
+  return options.redundant_part +
+         full * (std::min(options.redundant_part, kLeastRedundantPart) - options.redundant_part);
 }
 
 }  // namespace

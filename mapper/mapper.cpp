@@ -25,6 +25,8 @@ constexpr int kFirstPlaneRefinement = 6, kLastPlaneRefinement = 24;
 constexpr double kMinScale = 1e-3, kMaxScale = 1e3;
 // Times kept for the report.
 constexpr std::size_t kTimesKept = 20000;
+// Loops kept for the report.
+constexpr std::size_t kLoopsKept = 20;
 
 void keep_time(double milliseconds, std::vector<float>* times) {
   append_bounded(static_cast<float>(milliseconds), kTimesKept, times);
@@ -50,6 +52,8 @@ Mapper::Mapper(const CameraModel& camera, const MapperOptions& options, SharedMa
       association_(camera, options),
       normals_(camera) {
   options.validate();
+  if (options.close_loops && options.vocabulary)
+    loops_.emplace(options.vocabulary, camera, LoopDetectionOptions(), options.seed);
 }
 
 void Mapper::handle_initialisation(InitialisationRequest request) {
@@ -66,6 +70,7 @@ void Mapper::handle_initialisation(InitialisationRequest request) {
     global_pending_ = association_pending_ = upkeep_pending_ = true;
     global_rounds_ = 0;
     refine_plane_at_ = kFirstPlaneRefinement;
+    adapts_ = true;
     map_->publish();
   }
   request.reply.set_value(std::move(reply));
@@ -87,9 +92,14 @@ void Mapper::handle_keyframe(const KeyframeProposal& proposal) {
   log::debug("keyframe ", id->index, " (frame ", proposal.frame, "): ", made, " new points");
   local_pending_ = global_pending_ = association_pending_ = upkeep_pending_ = true;
   global_rounds_ = 0;
+  if (loops_) {
+    loops_->add(*id);
+    loops_pending_ = true;
+  }
 }
 
 void Mapper::handle(MapperMessage message) {
+  if (!adapts_ && handle_unadapted(&message)) return;
   if (auto* keyframe = std::get_if<KeyframeProposal>(&message)) {
     handle_keyframe(*keyframe);
   } else if (auto* counts = std::get_if<PointCounts>(&message)) {
@@ -112,15 +122,54 @@ void Mapper::handle(MapperMessage message) {
       map_->publish();
     }
     plane->reply.set_value(reply);
+  } else if (auto* load = std::get_if<LoadMapRequest>(&message)) {
+    auto reply = std::move(load->reply);
+    reply.set_value(load_map(std::move(*load)));
+  } else if (const auto* adapt = std::get_if<AdaptRequest>(&message)) {
+    adapts_ = adapt->adapt;
+    if (!adapts_) loops_pending_ = false;
+    if (!adapts_) local_pending_ = global_pending_ = association_pending_ = upkeep_pending_ = false;
   }
+}
+
+// Of a map that stays as it is: what would change it is answered here.
+bool Mapper::handle_unadapted(MapperMessage* message) {
+  if (auto* scaling = std::get_if<ScaleRequest>(message)) {
+    scaling->reply.set_value({false, "this map is locked"});
+  } else if (auto* plane = std::get_if<PlaneRequest>(message)) {
+    plane->reply.set_value({false, "this map is locked"});
+  } else if (std::holds_alternative<KeyframeProposal>(*message)) {
+    ++statistics_.keyframes_refused;
+  } else if (!std::holds_alternative<PointCounts>(*message)) {
+    return false;
+  }
+  return true;
+}
+
+LoadMapReply Mapper::load_map(LoadMapRequest request) {
+  if (map_->snapshot()->map_version != request.instead_of) return {false, "the map has changed meanwhile", 0};
+  reset_work();
+  for (const Keyframe& kf : request.map.keyframes) newest_ = kf.id;
+  adapts_ = request.adapt;
+  map_->replace_map(std::move(request.map));
+  map_->publish();
+  return {true, "", map_->snapshot()->map_version};
 }
 
 void Mapper::reset() {
   map_->replace_map({});
   map_->publish();
+  reset_work();
+}
+
+// Another map: nothing that was to be done to the one before is.
+void Mapper::reset_work() {
   association_.clear();
   normals_.clear();
+  loops_pending_ = false;
   local_pending_ = global_pending_ = association_pending_ = upkeep_pending_ = false;
+  refine_plane_at_ = 0;
+  adapts_ = true;
 }
 
 MapEditReply Mapper::scale(double factor) {
@@ -149,7 +198,7 @@ void Mapper::after_adjustment(const AdjustmentReport& report) {
 }
 
 bool Mapper::work() {
-  if (!local_pending_ && !global_pending_ && !association_pending_ && !upkeep_pending_) return false;
+  if (!local_pending_ && !loops_pending_ && !global_pending_ && !association_pending_ && !upkeep_pending_) return false;
   const Interruption interrupt = schedule_->interruption();
   work_until(interrupt);
   schedule_->worked(interrupt);
@@ -163,6 +212,10 @@ void Mapper::work_until(const Interruption& interrupt) {
     ++statistics_.local_adjustments;
     keep_time(report.milliseconds, &statistics_.local_ms);
     after_adjustment(report);
+    return;
+  }
+  if (loops_pending_) {
+    look_for_loop();
     return;
   }
   if (global_pending_) {
@@ -198,11 +251,36 @@ void Mapper::work_until(const Interruption& interrupt) {
     statistics_.measurements_repeated += repeated;
     if (repeated > 0) global_pending_ = true;
     refine_plane();
+    statistics_.keyframes_culled += retire_keyframes(map_, camera_, options_, newest_);
     if (cull_redundant_keyframe(map_, camera_, options_, newest_)) ++statistics_.keyframes_culled;
     map_->publish();
     log::debug("upkeep: ", merged, " merged, ", turned.size(), " normals, ", repeated, " measured again");
     return;
   }
+}
+
+void Mapper::look_for_loop() {
+  bool idle = false;
+  const std::optional<LoopCandidate> loop = loops_->step(*map_, &idle);
+  loops_pending_ = !idle;
+  statistics_.loops = loops_->statistics();
+  if (!loop) return;
+  const LoopReport report = close_loop(map_, camera_, options_, *loop, LoopClosingOptions());
+  append_bounded(report, kLoopsKept, &statistics_.loop_reports);
+  const std::string where =
+      std::to_string(loop->old_keyframe.index) + " and " + std::to_string(loop->new_keyframe.index);
+  if (!report.closed) {
+    ++statistics_.loops_refused;
+    log::debug("loop between keyframes ", where, " refused: ", report.reason);
+    return;
+  }
+  ++statistics_.loops_closed;
+  statistics_.points_merged += report.points_fused;
+  log::debug("loop between keyframes ", where, " closed: ", report.joint_points, " points on both sides, ",
+             1e3 * report.drift_m, " mm and a scale of ", report.drift_scale, " off");
+  association_.clear();
+  global_pending_ = association_pending_ = upkeep_pending_ = true;
+  global_rounds_ = 0;
 }
 
 // The first views know little of heights: while the map is young the dominant plane settles with it.

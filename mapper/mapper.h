@@ -1,9 +1,10 @@
 // What the mapping thread does (PTAM §6, Fig. 2), one unit of work a call, the most urgent first: messages, a new
-// keyframe, local adjustment, global adjustment, data association refinement. Not thread-safe: one thread calls it; it
-// is the map's only structural writer. Run it in a loop of its own, or step by step between frames (lockstep).
+// keyframe, local adjustment, loops, global adjustment, data association refinement. Not thread-safe: one thread calls
+// it; it is the map's only structural writer. Run it in a loop of its own, or step by step between frames (lockstep).
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <random>
 #include <stop_token>
 #include <string>
@@ -11,6 +12,8 @@
 
 #include "map/schedule.h"
 #include "mapper/data_association.h"
+#include "mapper/loop_closing.h"
+#include "mapper/loop_detection.h"
 #include "mapper/map_adjustment.h"
 #include "mapper/mapper_options.h"
 #include "mapper/normal_estimation.h"
@@ -24,6 +27,9 @@ struct MapperStatistics {
   int normals_changed = 0, measurements_repeated = 0;
   int local_adjustments = 0, global_adjustments = 0, adjustments_interrupted = 0;
   std::vector<float> insertion_ms, local_ms, global_ms;  // the newest 20,000 at least
+  LoopDetectionStatistics loops;                         // found: those that geometry agreed to
+  int loops_closed = 0, loops_refused = 0;
+  std::vector<LoopReport> loop_reports;  // the newest 20 at least
 };
 
 class Mapper {
@@ -56,6 +62,10 @@ class Mapper {
   void work_until(const Interruption& interrupt);
   void reset();
   void refine_plane();
+  void look_for_loop();
+  void reset_work();
+  bool handle_unadapted(MapperMessage* message);
+  LoadMapReply load_map(LoadMapRequest request);
   MapEditReply scale(double factor);
 
   CameraModel camera_;
@@ -66,9 +76,12 @@ class Mapper {
   std::mt19937_64 rng_, plane_rng_;
   DataAssociation association_;
   NormalEstimation normals_;
+  std::optional<LoopDetection> loops_;  // nothing when they are turned off
   MapperStatistics statistics_;
 
   KeyframeId newest_;
+  bool adapts_ = true;  // false: a map that stays as it is was loaded
+  bool loops_pending_ = false;
   bool local_pending_ = false, global_pending_ = false, association_pending_ = false, upkeep_pending_ = false;
   int global_rounds_ = 0;
   int refine_plane_at_ = 0;          // keyframes; 0: no more, the user has chosen or it is known well

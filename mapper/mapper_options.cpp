@@ -26,6 +26,8 @@ void MapperOptions::validate() const {
   require(global_iterations > 0, "global_iterations", global_iterations, "at least 1");
   require(threads >= 1 && threads <= 64, "threads", threads, "1 to 64");
   require(cull_above_keyframes >= 3, "cull_above_keyframes", cull_above_keyframes, "at least 3");
+  require(max_keyframes == 0 || max_keyframes > cull_above_keyframes, "max_keyframes", max_keyframes,
+          "0, or more than cull_above_keyframes");
   require(redundant_part > 0 && redundant_part <= 1, "redundant_part", redundant_part, "0 to 1");
 }
 

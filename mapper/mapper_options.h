@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
 #include "mapper/dominant_plane.h"
 #include "mapper/two_view.h"
+#include "place/vocabulary.h"
 
 namespace parallax {
 
@@ -52,6 +54,11 @@ struct MapperOptions {
   int min_keyframe_measurements = 15;
   int cull_above_keyframes = 40;  // redundant ones are culled only above this number
   double redundant_part = 0.9;    // of its points measured by three or more others at the same or a finer level
+  int max_keyframes = 150;        // towards this number less redundant ones are culled, above it any (0: no bound)
+
+  // Loops are looked for by these words; null: no loops, whatever is asked for.
+  bool close_loops = true;
+  std::shared_ptr<const Vocabulary> vocabulary;
 
   std::uint64_t seed = 1;
 

@@ -148,9 +148,8 @@ std::vector<PoseObservation> PointMatcher::match(const TrackingSnapshot& map, co
   std::vector<std::size_t> matched;
   for (std::size_t p = 0; p < rows.size(); ++p)
     if (best_of_point[p].corner >= 0) matched.push_back(p);
-  std::stable_sort(matched.begin(), matched.end(), [&](std::size_t a, std::size_t b) {
-    return best_of_point[a].distance < best_of_point[b].distance;
-  });
+  std::stable_sort(matched.begin(), matched.end(),
+                   [&](std::size_t a, std::size_t b) { return best_of_point[a].distance < best_of_point[b].distance; });
   std::vector<PoseObservation> out;
   for (const std::size_t p : matched) {
     const FrameCorner& corner = corners[static_cast<std::size_t>(best_of_point[p].corner)];

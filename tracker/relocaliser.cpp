@@ -84,7 +84,8 @@ bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame,
     const SnapshotKeyframe& kf = map.keyframes[row];
     const SmallImageAlignment alignment = align_small_images(kf.images->small, frame.small);
     if (!alignment.converged || alignment.mean_squared_difference > kMaxUnexplained * frame_variance) continue;
-    // The image motion is read as a rotation; for the most alike then as a sideways translation at the keyframe's depth.
+    // The image motion is read as a rotation; for the most alike then as a sideways translation at the keyframe's
+    // depth.
     const Eigen::Matrix3d rotation = rotation_from_alignment(camera_, alignment);
     const RigidTransform rotated(rotation * kf.camera_from_world.R, rotation * kf.camera_from_world.t);
     if (try_pose(map, frame, rotated, true, tracker, accepted)) return true;

@@ -62,6 +62,7 @@ TrackingResult Tracker::track(const Frame& frame, bool key_press) {
   out.map_keyframes = static_cast<int>(snapshot->keyframes.size());
   out.map_version = snapshot->map_version;
   out.world_from_first = snapshot->world_from_first;
+  out.warps = snapshot->warps.size();
 
   if (!tracking_) {
     const auto before = SteadyClock::now();
@@ -89,6 +90,7 @@ TrackingResult Tracker::track(const Frame& frame, bool key_press) {
       track_map(frame, *snapshot, &out);
     }
   }
+  out.seen_from = seen_from_;
   out.times.total = static_cast<float>(milliseconds_since(start));
   out.times.cpu = static_cast<float>(thread_cpu_ms() - cpu_start);
   return out;
@@ -99,7 +101,8 @@ void Tracker::follow_map_changes(const Frame& frame, const TrackingSnapshot& map
     // Another map: whatever was known of the old one is void.
     known_map_version_ = map.map_version;
     known_world_version_ = map.world_version;
-    known_world_from_first_ = map.world_from_first;
+    known_world_ = map.stamp();
+    seen_from_ = KeyframeId();
     counts_.clear();
     touched_.clear();
     two_stage_.clear_cache();
@@ -123,11 +126,12 @@ void Tracker::follow_map_changes(const Frame& frame, const TrackingSnapshot& map
     return;
   }
   if (map.world_version != known_world_version_) {
-    const SimilarityTransform change = map.world_from_first * known_world_from_first_.inverse();
+    // A closed loop moves the neighbourhood of each keyframe in its own way.
+    const SimilarityTransform change = map.world().now_from(known_world_, motion_.pose().inverse().t, seen_from_);
     motion_.rebase(change);
     scene_depth_ *= change.s;
     known_world_version_ = map.world_version;
-    known_world_from_first_ = map.world_from_first;
+    known_world_ = map.stamp();
   }
 }
 
@@ -162,6 +166,7 @@ void Tracker::track_map(const Frame& frame, const TrackingSnapshot& map, Trackin
     return;
   }
   accept(frame, result_.camera_from_world, out);
+  note_keyframe(result_, map);
   count_points(result_, map);
   most_found_ = std::max(most_found_, out->total_found());
   if (quality == TrackingQuality::good && wants_keyframe(frame, map, *out)) propose_keyframe(frame, map, result_, out);
@@ -183,6 +188,7 @@ void Tracker::recover(const Frame& frame, const TrackingSnapshot& map, TrackingR
   motion_.reset(result_.camera_from_world, frame.time);
   out->quality = TrackingQuality::poor;
   accept(frame, result_.camera_from_world, out);
+  note_keyframe(result_, map);
   last_keyframe_frame_ = frame.index;
 }
 
@@ -214,6 +220,14 @@ void Tracker::report(const TwoStageResult& result, const TrackingSnapshot& map, 
   }
 }
 
+void Tracker::note_keyframe(const TwoStageResult& result, const TrackingSnapshot& map) {
+  std::vector<int> found(map.keyframes.size(), 0);
+  for (const MatchedPoint& m : result.matches)
+    if (m.weight > 0) ++found[static_cast<std::size_t>(map.source[static_cast<std::size_t>(m.row)])];
+  const auto most = std::max_element(found.begin(), found.end());
+  if (most != found.end()) seen_from_ = map.keyframes[static_cast<std::size_t>(most - found.begin())].id;
+}
+
 bool Tracker::wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out) const {
   const bool young = static_cast<int>(map.keyframes.size()) < options_.young_keyframes;
   const int found = out.total_found();
@@ -242,7 +256,7 @@ void Tracker::propose_keyframe(const Frame& frame, const TrackingSnapshot& map, 
   proposal.camera_from_world = result.camera_from_world;
   proposal.world_version = map.world_version;
   proposal.map_version = map.map_version;
-  proposal.world_from_first = map.world_from_first;
+  proposal.world = map.stamp();
   proposal.images = images_;
   for (const MatchedPoint& m : result.matches) {
     if (m.weight <= 0) continue;

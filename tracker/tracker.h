@@ -44,6 +44,7 @@ class Tracker {
   void recover(const Frame& frame, const TrackingSnapshot& map, TrackingResult* out);
   void report(const TwoStageResult& result, const TrackingSnapshot& map, TrackingResult* out);
   void accept(const Frame& frame, const RigidTransform& pose, TrackingResult* out);
+  void note_keyframe(const TwoStageResult& result, const TrackingSnapshot& map);
   bool wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out) const;
   void propose_keyframe(const Frame& frame, const TrackingSnapshot& map, const TwoStageResult& result,
                         TrackingResult* out);
@@ -70,7 +71,8 @@ class Tracker {
   int most_found_ = 0;      // points found in one frame, the most since the last keyframe
   double scene_depth_ = 1;  // median depth of what was tracked, metres
   std::uint64_t known_map_version_ = 0, known_world_version_ = 0;
-  SimilarityTransform known_world_from_first_;
+  WorldStamp known_world_;
+  KeyframeId seen_from_;               // the keyframe whose points were most of those found
   std::vector<PointCount> counts_;     // dense, by point index
   std::vector<std::int32_t> touched_;  // indices with something to report
 };

@@ -10,6 +10,7 @@
 #include "core/image.h"
 #include "core/se3.h"
 #include "core/time.h"
+#include "map/world_warp.h"
 
 namespace parallax {
 
@@ -47,6 +48,9 @@ struct TrackingResult {
   // world with it.
   std::uint64_t map_version = 0;
   SimilarityTransform world_from_first;
+  std::size_t warps = 0;  // loops closed until then (map/world_warp.h)
+  KeyframeId seen_from;   // the keyframe whose points most of those found are; stays while tracking is poor or lost
+  WorldStamp stamp() const { return {world_from_first, warps}; }
   std::array<int, kPyramidLevels> attempted{}, found{};
   double sigma = 0;           // robust scale of the normalised residuals
   bool coarse_stage = false;  // the coarse stage was run

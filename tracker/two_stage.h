@@ -56,8 +56,8 @@ class TwoStageTracker {
 
  private:
   bool coarse_stage(const TrackingSnapshot& map, const FrameImages& frame, double radius_px, TwoStageResult* out);
-  void fine_stage(const TrackingSnapshot& map, const FrameImages& frame, double radius_px,
-                  int first_look_points, TwoStageResult* out);
+  void fine_stage(const TrackingSnapshot& map, const FrameImages& frame, double radius_px, int first_look_points,
+                  TwoStageResult* out);
   void try_candidate(const TrackingSnapshot& map, const FrameImages& frame, const Candidate& candidate,
                      double radius_px, bool align_directly, TwoStageResult* out);
   void refine(const TrackingSnapshot& map, TwoStageResult* out);

@@ -43,6 +43,7 @@ TrackingSnapshot table_map(double half, const SimilarityTransform& world_from_fi
   kf.camera_from_world = world_from_first.rebase(kf.camera_from_world);
   kf.mean_depth = world_from_first.s;
   const KeyframeId id = map.keyframes.insert(kf);
+  for (int k = 0; k < 6; ++k) map.keyframes.insert(kf);  // no young map
   for (double x = -half; x <= half + 1e-9; x += half / 6) {
     for (double y = -half; y <= half + 1e-9; y += half / 6) {
       MapPoint p;
@@ -80,12 +81,14 @@ TEST(GameField, GrowsAndNeverShrinks) {
   const RigidTransform before = field.field()->world_from_plane;
   TrackingSnapshot larger = table_map(0.5);
   larger.version = 2;
+  for (PointId& id : larger.id) id.index += 1000;  // other points
   larger.keyframes.push_back(larger.keyframes.front());
   EXPECT_TRUE(field.update(larger));
   EXPECT_NEAR(area_of(*field.field()), 1.0, 1e-6);
   EXPECT_EQ(field.field()->world_from_plane.t, before.t) << "it grows about the same middle";
   TrackingSnapshot smaller = table_map(0.2);
   smaller.version = 3;
+  for (PointId& id : smaller.id) id.index += 2000;
   EXPECT_FALSE(field.update(smaller));
   EXPECT_NEAR(area_of(*field.field()), 1.0, 1e-6);
 }
@@ -105,11 +108,77 @@ TEST(GameField, IsScaledWithTheWorld) {
   change.s = 5;
   TrackingSnapshot both = table_map(0.4, change);
   both.version = 3;
+  for (PointId& id : both.id) id.index += 1000;
   both.keyframes.push_back(both.keyframes.front());
   const PlayingField before = *field.field();
   EXPECT_TRUE(field.update(both));
   EXPECT_NEAR(length_factor(before, *field.field()), 2, 1e-12);
   EXPECT_GT(field.field()->radius_m, 2.2 * before.radius_m);
+}
+
+// The plane of the first views is still about to change: nothing is put on it, unless nothing more is to come.
+TEST(GameField, WaitsForTheTableToSettle) {
+  TrackingSnapshot young = table_map(0.3);
+  young.keyframes.resize(2);
+  GameField field;
+  EXPECT_FALSE(field.update(young));
+  EXPECT_FALSE(field.field());
+  EXPECT_TRUE(field.settling());
+  young.version = 2;  // the plane, fitted anew
+  young.plane->world_from_plane.t.z() = 0.004;
+  EXPECT_FALSE(field.update(young));
+  EXPECT_TRUE(GameField(field).update(young, true)) << "as it is";
+  TrackingSnapshot known = table_map(0.3);
+  known.version = 3;
+  EXPECT_TRUE(field.update(known));
+  ASSERT_TRUE(field.field());
+  EXPECT_FALSE(field.settling());
+  EXPECT_EQ(field.field()->number, 1);
+}
+
+// An adjustment moves, turns and scales the points on the table, and the world and the plane's frame say nothing of it:
+// the field stays on the points, but for the few that go elsewhere.
+TEST(GameField, StaysOnThePointsThatAnAdjustmentMoves) {
+  GameField field;
+  ASSERT_TRUE(field.update(table_map(0.3)));
+  const PlayingField before = *field.field();
+  const Eigen::Vector3d spot(0.05, -0.11, 0);  // of the field
+  const Eigen::Vector3d place = before.world_from_plane * spot;
+  SimilarityTransform moved;
+  moved.s = 1.02;
+  moved.R = Eigen::AngleAxisd(0.03, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  moved.t = {0.011, -0.006, 0};
+  TrackingSnapshot adjusted = table_map(0.3);
+  adjusted.version = 2;
+  for (std::size_t i = 0; i < adjusted.position.size(); ++i) {
+    adjusted.position[i] = moved * adjusted.position[i];
+    if (i % 10 == 0) adjusted.position[i].x() += 0.05;
+  }
+  EXPECT_TRUE(field.update(adjusted));
+  const double factor = length_factor(before, *field.field());
+  EXPECT_NEAR(factor, 1.02, 2e-4);
+  const Eigen::Vector3d now = field.field()->world_from_plane * Eigen::Vector3d(factor * spot);
+  EXPECT_NEAR((now - moved * place).norm(), 0, 2e-4);
+  EXPECT_GT((now - place).norm(), 0.01);
+}
+
+// A worktop at the height of the table is another place, and a wall goes through its plane.
+TEST(GameField, IsTheTableAlone) {
+  TrackingSnapshot map = table_map(0.3);
+  const auto add = [&](double x, double y, double z) {
+    map.position.emplace_back(x, y, z);
+    map.id.push_back(PointId{0, 1000 + static_cast<int>(map.id.size())});
+    map.source.push_back(0);
+  };
+  for (double x = 0; x < 0.5; x += 0.05)
+    for (double y = 0; y < 0.2; y += 0.05) add(x - 0.2, 0.62 + y, 0);  // the worktop
+  for (double x = -0.3; x < 0.3; x += 0.02)
+    for (int k = -8; k <= 0; ++k) add(x, 0.38, 0.01 * k);  // a front, joined to the table by nearness
+  map.x.resize(map.position.size());
+  GameField field;
+  // The columns that the field does not read are left as they were.
+  ASSERT_TRUE(field.update(map));
+  EXPECT_NEAR(area_of(*field.field()), 0.36, 0.02);
 }
 
 TEST(GameField, AnotherMapIsAnotherField) {
@@ -274,6 +343,7 @@ TEST(GameSession, IsPlayedWhileTheCameraIsTracked) {
   };
   scene.map().version = 1;
   scene.map().map_version = 1;
+  for (int k = 0; k < 3; ++k) scene.map().keyframes.push_back(scene.map().keyframes.back());  // no young map
   pass(0, 60, true);
   EXPECT_EQ(session.runner().phase(), GamePhase::playing);
   EXPECT_GT(session.runner().ticks(), 200);
@@ -387,7 +457,7 @@ std::string bytes_of(const std::filesystem::path& path) {
 
 TEST(RunGame, TheSameRecordingAndSeedGiveTheSameGameAndTheSamePictures) {
   const ScratchFolder scratch;
-  const std::string source = "synthetic:desk?frames=140&size=320x240";
+  const std::string source = "synthetic:desk?frames=220&size=320x240";
   const auto one = scratch.path() / "one", two = scratch.path() / "two";
   const auto first = played(source, "swarm?seed=3", scratch, one.string());
   const auto again = played(source, "swarm?seed=3", scratch, two.string());
@@ -396,14 +466,14 @@ TEST(RunGame, TheSameRecordingAndSeedGiveTheSameGameAndTheSamePictures) {
   EXPECT_EQ(first, again);
   EXPECT_NE(first.at("state"), other.at("state"));
   const auto names = testing::names_in(one);
-  ASSERT_EQ(names.size(), 140u);
+  ASSERT_EQ(names.size(), 220u);
   for (const std::string& name : names) ASSERT_EQ(bytes_of(one / name), bytes_of(two / name)) << name;
 }
 
 TEST(RunGame, WhatItPutsOnTheTableStaysThere) {
   const ScratchFolder scratch;
   for (const std::string& game : game_names()) {
-    const auto drift = played("synthetic:desk?frames=240&size=320x240", game, scratch).at("drift");
+    const auto drift = played("synthetic:desk?frames=300&size=320x240", game, scratch).at("drift");
     EXPECT_GT(drift.at("frames").get<int>(), 80) << game;
     EXPECT_LT(drift.at("median_px").get<double>(), 2) << game << " " << drift;
   }

@@ -332,6 +332,40 @@ TEST(BurningGlass, UndoTakesBackStrokeByStrokeToTheLastBit) {
   EXPECT_FALSE(game.undo());
 }
 
+// Paper goes on smouldering for a while when the light has gone: that is part of the stroke, and no reason for the next
+// one to be the same stroke.
+TEST(BurningGlass, PaperThatSmouldersIsUndoneStrokeByStroke) {
+  BurningGlass game;
+  game.start(empty_field(kRadius_m), options_of(1));
+  const double height = game.focal_length_m();
+  const auto dark = [&](double seconds) {
+    GameInput covered = above(0, 0, 2 * height);
+    covered.fire = true;
+    play(&game, covered, seconds);
+  };
+  std::vector<std::vector<std::uint16_t>> sheets{game.sheet().charred()};
+  for (int stroke = 0; stroke < 2; ++stroke) {
+    for (int i = 0; i < 120; ++i) game.step(above(0.0008 * (i - 60), 0.08 * stroke - 0.04, height));
+    const double lit = char_sum(game);
+    dark(0.75);
+    ASSERT_EQ(game.stroke_count(), static_cast<std::size_t>(stroke + 1));
+    ASSERT_GT(char_sum(game), 1.02 * lit) << "it smouldered in the dark";
+    if (stroke == 0) dark(6);
+    sheets.push_back(game.sheet().charred());
+  }
+  dark(6);
+  EXPECT_GT(char_sum(game), 0);
+  BurningGlass other;
+  other.restore(game.save(), empty_field(kRadius_m));
+  for (BurningGlass* one : {&game, &other}) {
+    ASSERT_EQ(one->stroke_count(), 2u);
+    ASSERT_TRUE(one->undo());
+    EXPECT_EQ(one->sheet().charred(), sheets[1]);
+    ASSERT_TRUE(one->undo());
+    EXPECT_EQ(one->sheet().charred(), sheets[0]);
+  }
+}
+
 TEST(BurningGlass, ScriptedPlayerTurnsTheSunAndBurns) {
   for (const bool seated : {false, true}) {
     BurningGlass game;

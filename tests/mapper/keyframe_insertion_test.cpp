@@ -24,7 +24,7 @@ class KeyframeInsertionTest : public testing::Test {
     p.camera_from_world = snapshot->world_from_first.rebase(desk_views().camera_from_world(2));
     p.world_version = snapshot->world_version;
     p.map_version = snapshot->map_version;
-    p.world_from_first = snapshot->world_from_first;
+    p.world = snapshot->stamp();
     p.images = desk_views().images(2);
     for (std::size_t i = 0; i < snapshot->id.size(); i += 3) {
       Eigen::Vector2d px;

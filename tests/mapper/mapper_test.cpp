@@ -146,7 +146,7 @@ class MapperTest : public testing::Test {
     p.camera_from_world = test::desk_views().camera_from_world(view);
     p.map_version = snapshot->map_version;
     p.world_version = snapshot->world_version;
-    p.world_from_first = snapshot->world_from_first;
+    p.world = snapshot->stamp();
     p.images = test::desk_views().images(view);
     for (std::size_t i = 0; i < snapshot->id.size(); i += 2) {
       const auto px = test::desk_views().project_visible(view, snapshot->position[i], 10);
