@@ -457,7 +457,7 @@ std::string bytes_of(const std::filesystem::path& path) {
 
 TEST(RunGame, TheSameRecordingAndSeedGiveTheSameGameAndTheSamePictures) {
   const ScratchFolder scratch;
-  const std::string source = "synthetic:desk?frames=220&size=320x240";
+  const std::string source = "synthetic:desk?frames=330&size=320x240";
   const auto one = scratch.path() / "one", two = scratch.path() / "two";
   const auto first = played(source, "swarm?seed=3", scratch, one.string());
   const auto again = played(source, "swarm?seed=3", scratch, two.string());
@@ -466,14 +466,14 @@ TEST(RunGame, TheSameRecordingAndSeedGiveTheSameGameAndTheSamePictures) {
   EXPECT_EQ(first, again);
   EXPECT_NE(first.at("state"), other.at("state"));
   const auto names = testing::names_in(one);
-  ASSERT_EQ(names.size(), 220u);
+  ASSERT_EQ(names.size(), 330u);
   for (const std::string& name : names) ASSERT_EQ(bytes_of(one / name), bytes_of(two / name)) << name;
 }
 
 TEST(RunGame, WhatItPutsOnTheTableStaysThere) {
   const ScratchFolder scratch;
   for (const std::string& game : game_names()) {
-    const auto drift = played("synthetic:desk?frames=300&size=320x240", game, scratch).at("drift");
+    const auto drift = played("synthetic:desk?frames=380&size=320x240", game, scratch).at("drift");
     EXPECT_GT(drift.at("frames").get<int>(), 80) << game;
     EXPECT_LT(drift.at("median_px").get<double>(), 2) << game << " " << drift;
   }

@@ -386,7 +386,7 @@ TEST(SwarmGame, ThePictureHasWhatIsThereAndItsLegsMove) {
     return list;
   };
   const DrawList first = picture();
-  EXPECT_EQ(first.meshes.size(), models.model("robot").parts.size() + models.model("swarmer").parts.size());
+  EXPECT_EQ(first.meshes.size(), models.model("robot").parts.size() + 2) << "a critter's trunk and its limbs";
   EXPECT_FALSE(first.world_lines.empty()) << "the reticle";
   EXPECT_TRUE(first.shadow_plane.has_value());
   // The critter stands where it is, in the world, about as long as it should be.

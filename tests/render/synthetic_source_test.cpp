@@ -43,7 +43,7 @@ TEST(SyntheticSource, BadNamesAreOneClearLine) {
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
   }
   EXPECT_NE(message_of("synthetic:nothing").find("desk, walls, shakes"), std::string::npos);
-  EXPECT_NE(message_of("synthetic:desk?hue=1").find("seed, frames"), std::string::npos);
+  EXPECT_NE(message_of("synthetic:desk?hue=1").find("seed, walk, light, frames"), std::string::npos);
 }
 
 TEST(SyntheticSource, KeysAreObeyed) {
