@@ -17,6 +17,7 @@ constexpr double kAzimuthRate = 50 * std::numbers::pi / 180, kElevationRate = 35
 constexpr double kDialRate = 0.6;     // of the focal length's logarithm, a second
 constexpr double kAutofocusRate = 2;  // seated: the same, of itself
 constexpr std::size_t kMostSounds = 32;
+constexpr double kLeastPartOfField = 0.5;  // that a sheet which comes from another field covers, of the radius
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 double clean(double value) { return std::isfinite(value) ? std::clamp(value, -1.0, 1.0) : 0.0; }
@@ -79,7 +80,11 @@ void BurningGlass::forget_light() {
 }
 
 void BurningGlass::change_field(const PlayingField& field) {
+  const bool another = field.number != field_.number;
   rescale(length_factor(field_, field));
+  // The field before may have grown round the sheet; on the next it is not to shrink with every one.
+  if (another && field.radius_m > 0 && std::isfinite(field.radius_m))
+    rescale(std::clamp(grid_.half_extent_m, kLeastPartOfField * field.radius_m, field.radius_m) / grid_.half_extent_m);
   field_ = field;
   const bool blank = strokes_.count() == 0 && sheet_.warm().empty() &&
                      std::all_of(sheet_.charred().begin(), sheet_.charred().end(), [](auto c) { return c == 0; });

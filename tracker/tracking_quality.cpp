@@ -15,7 +15,7 @@ constexpr int kMinCells = 4;
 // Where much has been moved since the map was made, fewer of the points are found. Then they must agree with each other
 // better than chance or a single thing that was moved can make them.
 constexpr int kChangedMinInliers = 100, kChangedMinCells = 7;
-constexpr double kChangedMinFraction = 0.18, kChangedMinAgreement = 0.85, kChangedMaxSigma = 0.6;
+constexpr double kChangedMinFraction = 0.18, kChangedMinAgreement = 0.9, kChangedMaxSigma = 0.6;
 
 struct Fractions {
   double all = 0, coarse = 0;

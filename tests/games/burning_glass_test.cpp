@@ -569,6 +569,16 @@ TEST(BurningGlass, SettingsAreClampedAndTheFieldMayChange) {
   EXPECT_EQ(char_at(game, 0.06, 0.12), before);
   EXPECT_NEAR(game.half_extent_m(), 0.6, 1e-12);
   EXPECT_NEAR(game.landmark()->position_m.x(), 0.06, 0.02);
+  // Tables that grow while they are mapped, one after the other: the sheet does not dwindle.
+  for (int number = 1; number <= 60; ++number) {
+    for (const double radius : {0.2, 0.4}) {
+      PlayingField next = empty_field(radius);
+      next.number = number;
+      game.change_field(next);
+    }
+    ASSERT_GE(game.half_extent_m(), 0.1) << number;
+    ASSERT_LE(game.half_extent_m(), 0.4) << number;
+  }
 }
 
 TEST(BurningGlass, DrawsTheBurnWhereItIs) {

@@ -79,5 +79,26 @@ TEST(TrackingQuality, RecoveryIsStricter) {
   EXPECT_FALSE(accept_recovery(outliers, camera(), o));
 }
 
+// Much has been moved since: few of the points are there, but those that are agree, all over the image.
+TEST(TrackingQuality, AChangedDeskIsComeBackToAndAnotherIsNot) {
+  const TrackerOptions o;
+  const auto sharp = [](TwoStageResult r) {
+    r.sigma = 0.4;
+    return r;
+  };
+  EXPECT_TRUE(accept_recovery(sharp(result(1000, 220)), camera(), o));
+  EXPECT_FALSE(accept_recovery(sharp(result(1000, 170)), camera(), o)) << "too few of what should be seen";
+  EXPECT_FALSE(accept_recovery(sharp(result(300, 90)), camera(), o)) << "too few to say so";
+  TwoStageResult contradicted = sharp(result(1000, 300));
+  contradicted.inliers = 260;
+  EXPECT_FALSE(accept_recovery(contradicted, camera(), o)) << "things that two desks share";
+  TwoStageResult loose = result(1000, 300);
+  loose.sigma = 0.9;
+  EXPECT_FALSE(accept_recovery(loose, camera(), o));
+  TwoStageResult keyboard = sharp(result(1000, 300));
+  for (MatchedPoint& m : keyboard.matches) m.pixel = 0.45 * m.pixel + Eigen::Vector2d(170, 120);
+  EXPECT_FALSE(accept_recovery(keyboard, camera(), o)) << "one thing that was moved";
+}
+
 }  // namespace
 }  // namespace parallax
