@@ -29,6 +29,7 @@ GameOutcome outcome_of(const GameSession& session, const GameOptions& options) {
   out.ticks = runner.ticks();
   out.over = runner.phase() == GamePhase::over;
   out.lines = hud.lines;
+  out.picture = runner.game().picture();
   return out;
 }
 

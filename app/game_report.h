@@ -16,6 +16,7 @@ struct GameOutcome {
   std::int64_t score = 0, ticks = 0;
   bool over = false;
   std::vector<std::string> lines;  // of its display
+  cv::Mat4b picture;               // what it leaves: Game::picture()
   std::vector<GameSight> sights;   // of its landmarks, frame by frame
   std::optional<GameDrift> drift;  // of them; where the source has true poses
 };

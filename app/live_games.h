@@ -48,6 +48,8 @@ class LiveGames {
   // Games that were left on the map that is shown now, to go on with; and those left or being played, to keep with it.
   void bring(const std::map<std::string, std::string>& left);
   std::map<std::string, std::string> states() const;
+  // What the game being played leaves to be kept (Game::picture()).
+  cv::Mat4b picture() const { return session_ ? session_->runner().game().picture() : cv::Mat4b(); }
   // The map that is shown has become another: the game on it ends, and those left there are none of the new one's.
   void change_map();
 

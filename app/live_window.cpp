@@ -328,6 +328,8 @@ void LiveWindow::capture() {
     screenshot_wanted_ = false;
     try {
       state_.toasts.add("saved " + save_screenshot(picture, state_.picture_folder));
+      if (const cv::Mat4b made = games_.picture(); !made.empty())
+        state_.toasts.add("and " + save_game_picture(made, state_.picture_folder));
     } catch (const std::exception& e) {
       state_.toasts.add(e.what(), true);
     }

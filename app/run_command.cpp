@@ -14,6 +14,7 @@
 #include "app/run_outputs.h"
 #include "app/run_session.h"
 #include "app/run_settings.h"
+#include "app/screenshot.h"
 #include "app/session_maps.h"
 #include "app/source.h"
 #include "core/error.h"
@@ -23,7 +24,7 @@ namespace {
 
 struct RunArguments {
   std::string source, calibration, init = "auto", pace;
-  std::string trajectory, keyframes, points, map, maps, from, timing, report, video, frames, truth, game;
+  std::string trajectory, keyframes, points, map, maps, from, timing, report, video, frames, truth, game, game_picture;
   bool no_occlusion = false, no_loops = false;
   int start = 0, count = -1, threads = 1;
   double speed = 1.0;
@@ -152,6 +153,12 @@ int run(RunArguments args) {
   if (!args.keyframes.empty()) steps([&] { write_trajectory_tum(keyframe_trajectory(result), args.keyframes); });
   if (!args.points.empty()) steps([&] { write_points_ply(result.map, args.points); });
   if (!args.map.empty()) steps([&] { write_run_map(result, opened.camera, args.map); });
+  if (!args.game_picture.empty()) {
+    if (played && !played->picture.empty())
+      steps([&] { write_game_picture(played->picture, args.game_picture); });
+    else
+      std::cerr << "parallax: warning: --game-picture: the game left no picture\n";
+  }
   if (!args.timing.empty()) steps([&] { write_timing_csv(result, args.timing); });
   if (!args.report.empty()) {
     const ReportContext context{args.source, PARALLAX_VERSION, args.pace, args.init, fps, &opened.camera, &options};
@@ -220,6 +227,10 @@ void add_run_command(CLI::App& app, int* exit_code) {
       "--game", args->game,
       "A game played by its script on the mapped table: swarm, burning_glass or marbles, with settings as "
       "in swarm?seed=3&difficulty=hard");
+  command
+      ->add_option("--game-picture", args->game_picture,
+                   "With --game burning_glass: what was burnt, as a PNG with transparency")
+      ->needs("--game");
   command->add_flag("--no-occlusion", args->no_occlusion, "With --game: real things do not hide virtual ones");
   command->add_option("--set", args->settings, "NAME=VALUE: an option of the tracker or mapper (may be repeated)");
   command->callback([args, exit_code] { *exit_code = run(*args); });

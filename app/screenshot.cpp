@@ -43,6 +43,18 @@ std::string save_screenshot(const cv::Mat3b& picture, const std::string& folder)
   return path;
 }
 
+void write_game_picture(const cv::Mat4b& picture, const std::string& path) {
+  cv::Mat4b blue_first;
+  cv::cvtColor(picture, blue_first, cv::COLOR_RGBA2BGRA);
+  write_png(path, blue_first);
+}
+
+std::string save_game_picture(const cv::Mat4b& picture, const std::string& folder) {
+  const std::string path = new_file_in(folder, "picture.png");
+  write_game_picture(picture, path);
+  return path;
+}
+
 ScreenVideo::ScreenVideo(const std::string& path, cv::Size size, double frames_per_second)
     : path_(path), size_(even(size)), fps_(frames_per_second), writer_(path, frames_per_second, even(size)) {}
 

@@ -16,6 +16,11 @@ std::string new_file_in(const std::string& folder, const std::string& extension)
 // Writes a PNG, whole or not at all; returns its path. Throws RunError.
 std::string save_screenshot(const cv::Mat3b& picture, const std::string& folder);
 
+// The same of what a game leaves (Game::picture()): FOLDER/parallax-STAMP.picture.png, with its transparency.
+std::string save_game_picture(const cv::Mat4b& picture, const std::string& folder);
+// To this file.
+void write_game_picture(const cv::Mat4b& picture, const std::string& path);
+
 // A video of what is on the screen, at an even rate whatever the rate of drawing: pictures are repeated or left out.
 // One thread.
 class ScreenVideo {

@@ -72,6 +72,8 @@ void BurningGlass::forget_moment() {
   forget_pictures();
 }
 
+cv::Mat4b BurningGlass::picture() const { return strokes_.count() > 0 ? export_picture() : cv::Mat4b(); }
+
 void BurningGlass::forget_light() {
   std::fill(gathered_.begin(), gathered_.end(), 0.0f);
   std::fill(shown_.begin(), shown_.end(), 0.0f);

@@ -44,6 +44,7 @@ class BurningGlass : public Game {
   // What was burnt, without light and glow: RGBA (red first), sRGB, straight alpha, the side of the highest y on top.
   // It covers the square of half_extent_m() about the plane's origin.
   cv::Mat4b export_picture() const;
+  cv::Mat4b picture() const override;
   double half_extent_m() const { return grid_.half_extent_m; }
   // Takes the last stroke back, and all heat with it; false when there is none. The lens stays covered for a moment.
   bool undo();

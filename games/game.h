@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -113,6 +114,10 @@ class Game {
   virtual std::vector<GameSound> take_sounds() = 0;
   // Appends to the list; world frame (world_from_plane of the field).
   virtual void draw(const ModelSet& models, DrawList* out) const = 0;
+
+  // What the player has made, to keep: RGBA (red first), sRGB, straight alpha. Empty: this game leaves no picture, or
+  // there is nothing on it yet.
+  virtual cv::Mat4b picture() const { return {}; }
 
   // Nothing while there is none.
   virtual std::optional<GameLandmark> landmark() const { return std::nullopt; }

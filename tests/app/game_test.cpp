@@ -7,6 +7,8 @@
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 
 #include "app/display_latency.h"
 #include "app/game_controls.h"
@@ -439,10 +441,11 @@ TEST(DisplayLatency, OfAnotherClockTheFastestFrameCameAtOnce) {
 }
 
 nlohmann::json played(const std::string& source, const std::string& game, const ScratchFolder& scratch,
-                      const std::string& frames = {}) {
+                      const std::string& frames = {}, const std::string& picture = {}) {
   const std::string report = (scratch.path() / "report.json").string();
   std::vector<std::string> arguments{source, "--game", game, "--report", report};
   if (!frames.empty()) arguments.insert(arguments.end(), {"--frames", frames});
+  if (!picture.empty()) arguments.insert(arguments.end(), {"--game-picture", picture});
   const auto result = parallax_run(arguments);
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("\ngame: "), std::string::npos) << result.out;
@@ -473,10 +476,18 @@ TEST(RunGame, TheSameRecordingAndSeedGiveTheSameGameAndTheSamePictures) {
 TEST(RunGame, WhatItPutsOnTheTableStaysThere) {
   const ScratchFolder scratch;
   for (const std::string& game : game_names()) {
-    const auto drift = played("synthetic:desk?frames=380&size=320x240", game, scratch).at("drift");
+    const std::string picture = game == "burning_glass" ? (scratch.path() / "burnt.png").string() : "";
+    const auto drift = played("synthetic:desk?frames=380&size=320x240", game, scratch, {}, picture).at("drift");
     EXPECT_GT(drift.at("frames").get<int>(), 80) << game;
     EXPECT_LT(drift.at("median_px").get<double>(), 2) << game << " " << drift;
   }
+  // What was burnt: a mark on nothing.
+  const cv::Mat burnt = cv::imread((scratch.path() / "burnt.png").string(), cv::IMREAD_UNCHANGED);
+  ASSERT_EQ(burnt.type(), CV_8UC4);
+  cv::Mat alpha;
+  cv::extractChannel(burnt, alpha, 3);
+  EXPECT_GT(cv::countNonZero(alpha > 128), 20);
+  EXPECT_LT(cv::countNonZero(alpha > 128), alpha.rows * alpha.cols / 2);
 }
 
 // A camera that goes round a thing on z = 0, drawn with another map's scale and axes.
