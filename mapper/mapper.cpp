@@ -151,6 +151,7 @@ LoadMapReply Mapper::load_map(LoadMapRequest request) {
   reset_work();
   for (const Keyframe& kf : request.map.keyframes) newest_ = kf.id;
   adapts_ = request.adapt;
+  age_counts(&request.map);
   map_->replace_map(std::move(request.map));
   map_->publish();
   return {true, "", map_->snapshot()->map_version};
