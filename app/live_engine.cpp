@@ -71,6 +71,7 @@ std::shared_ptr<const MapLibrary> open_live_library(const LiveOptions& options, 
   const bool own = options.maps.empty() && settings.keep_maps && !options.headless;
   const std::string folder = own ? map_library_folder() : options.maps;
   if (folder.empty()) return nullptr;
+  check_map_folder(folder);
   auto library = std::make_shared<const MapLibrary>(folder);
   library->empty_old_trash();
   return library;

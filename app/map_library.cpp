@@ -104,6 +104,12 @@ bool is_locked_map(const std::string& path) {
          (all & (fs::perms::owner_write | fs::perms::group_write | fs::perms::others_write)) == fs::perms::none;
 }
 
+void check_map_folder(const std::string& path) {
+  std::error_code error;
+  if (fs::exists(path, error) && !fs::is_directory(path, error))
+    throw InputError(path + ": found a file, expected a folder of maps");
+}
+
 LibraryMap MapLibrary::describe(const std::string& path) const {
   LibraryMap out;
   out.path = path;

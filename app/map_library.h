@@ -42,6 +42,9 @@ struct MapStamp {
 };
 MapStamp map_stamp(const std::string& path);
 
+// Throws InputError when there is something else than a folder. One that is not there yet is made when it is needed.
+void check_map_folder(const std::string& path);
+
 class MapLibrary {
  public:
   explicit MapLibrary(std::string folder) : folder_(std::move(folder)) {}

@@ -24,6 +24,7 @@ MapLibrary library_of(const std::string& path) {
 void list_maps(std::string folder) {
   if (folder.empty()) folder = map_library_folder();
   if (folder.empty()) throw InputError("map list: found no home folder, expected --maps FOLDER");
+  check_map_folder(folder);
   const std::vector<LibraryMap> maps = MapLibrary(folder).list();
   if (maps.empty()) std::cout << folder << ": no maps\n";
   for (const LibraryMap& map : maps) {

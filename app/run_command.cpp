@@ -127,8 +127,10 @@ int run(RunArguments args) {
     drawing = std::make_unique<RunDrawing>(opened.camera, fps, wanted);
   }
   std::unique_ptr<RunMaps> maps;
-  if (!args.maps.empty())
+  if (!args.maps.empty()) {
+    check_map_folder(args.maps);
     maps = std::make_unique<RunMaps>(opened.camera, options, std::make_shared<const MapLibrary>(args.maps));
+  }
   RunResult result;
   ReplayReport replay;
   OutputSteps steps;

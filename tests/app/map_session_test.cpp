@@ -122,6 +122,8 @@ TEST_F(SavedMap, AnotherCameraIsRefused) {
                   "another lens");
   expect_one_line(parallax_run({kDesk, "--from", file("first_truth.txt")}), 2, "first_truth.txt");
   expect_one_line(parallax_run({kDesk, "--from", file("absent")}), 2, "absent");
+  expect_one_line(parallax_run({kDesk, "--maps", file("desk")}), 2, "expected a folder of maps");
+  expect_one_line(parallax_map({"list", "--maps", file("desk")}), 2, "expected a folder of maps");
 }
 
 TEST_F(SavedMap, IsNotWrittenOverWhatIsNoFile) {
