@@ -13,12 +13,12 @@ constexpr double kGoldenAngle = 2.399963229728653;  // of a sunflower's seeds
 constexpr double kEdgeThickness = 0.02;             // of a simple glass, in diameters: it must be held somewhere
 constexpr int kTurns = 4096;                        // of a bundle, before they come again
 
-// Snell's law; false when all is reflected. `normal` points against the ray.
+// Snell's law for unit vectors, which gives one; false when all is reflected. `normal` points against the ray.
 bool refract(const Eigen::Vector3d& normal, double index_ratio, Eigen::Vector3d* direction) {
   const double along = -normal.dot(*direction);
   const double under_root = 1 - index_ratio * index_ratio * (1 - along * along);
   if (!(under_root >= 0)) return false;
-  *direction = (index_ratio * *direction + (index_ratio * along - std::sqrt(under_root)) * normal).normalized();
+  *direction = index_ratio * *direction + (index_ratio * along - std::sqrt(under_root)) * normal;
   return true;
 }
 

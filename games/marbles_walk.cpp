@@ -30,9 +30,9 @@ struct StencilCell {
 };
 
 // Whether the surface goes on from one cell to another without an edge: the rise lies between what either's slope would
-// make of the way. Over a ramp's foot and its upper end it does, off its side it does not.
-bool goes_on(const WalkMap& walk, std::size_t from, std::size_t to) {
-  const Eigen::Vector2f way = walk.grid.centre(to) - walk.grid.centre(from);
+// make of the way, given in cells. Over a ramp's foot and its upper end it does, off its side it does not.
+bool goes_on(const WalkMap& walk, std::size_t from, std::size_t to, int columns, int rows) {
+  const Eigen::Vector2f way = walk.grid.cell * Eigen::Vector2f(static_cast<float>(columns), static_cast<float>(rows));
   const float rise = walk.height[to] - walk.height[from];
   const auto [least, most] = std::minmax({walk.slope[from].dot(way), walk.slope[to].dot(way)});
   return rise >= least - kStepTolerance && rise <= most + kStepTolerance;
@@ -57,7 +57,7 @@ void for_each_step(const WalkMap& walk, std::size_t at, const Relax& relax) {
   for (const Neighbour& step : kNeighbours) {
     if (!walk.grid.contains(column + step.dx, row + step.dy)) continue;
     const std::size_t next = walk.grid.index(column + step.dx, row + step.dy);
-    if (walk.drivable[next] && goes_on(walk, at, next)) relax(next, step.length * walk.grid.cell);
+    if (walk.drivable[next] && goes_on(walk, at, next, step.dx, step.dy)) relax(next, step.length * walk.grid.cell);
   }
 }
 
@@ -159,7 +159,7 @@ WalkMap make_walk_map(const TableGround& ground, const std::vector<TableRamp>& r
     if (distance_inside(ground.outline, grid.centre(i)) < kRimRoom) continue;
     const int column = grid.column_of(i), row = grid.row_of(i);
     walk.drivable[i] = std::all_of(stencil.begin(), stencil.end(), [&](const StencilCell& at) {
-      return grid.contains(column + at.dx, row + at.dy) && goes_on(walk, i, grid.index(column + at.dx, row + at.dy));
+      return grid.contains(column + at.dx, row + at.dy) && goes_on(walk, i, grid.index(column + at.dx, row + at.dy), at.dx, at.dy);
     });
   }
   measure_clearance(&walk);
@@ -196,7 +196,11 @@ bool straight_is_free(const WalkMap& walk, const Eigen::Vector2f& from, const Ei
   for (int k = 0; k <= steps; ++k) {
     const auto at = walk.cell_at(from + (to - from) * (static_cast<float>(k) / static_cast<float>(steps)));
     if (!at || !walk.drivable[*at]) return false;
-    if (last && !goes_on(walk, *last, *at)) return false;
+    if (last) {
+      const int columns = walk.grid.column_of(*at) - walk.grid.column_of(*last);
+      const int rows = walk.grid.row_of(*at) - walk.grid.row_of(*last);
+      if (!goes_on(walk, *last, *at, columns, rows)) return false;
+    }
     last = at;
   }
   return true;
