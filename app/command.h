@@ -15,6 +15,7 @@ inline constexpr int kExitBadInput = 2;  // bad usage or bad input
 // `exit_code` outlives the parser and starts as kExitDone.
 void add_run_command(CLI::App& app, int* exit_code);
 void add_eval_command(CLI::App& app, int* exit_code);
+void add_slam_command(CLI::App& app, int* exit_code);
 void add_vocabulary_command(CLI::App& app, int* exit_code);
 void add_map_command(CLI::App& app, int* exit_code);
 // Subcommands of `parallax map`.

@@ -14,6 +14,24 @@
 namespace parallax {
 namespace {
 
+std::vector<unsigned char> png_bytes(const cv::Mat& image, const std::string& name) {
+  std::vector<unsigned char> bytes;
+  if (!cv::imencode(".png", image, bytes)) throw RunError(name + ": cannot be encoded as PNG");
+  return bytes;
+}
+
+std::string base64(const std::vector<unsigned char>& bytes) {
+  constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    unsigned group = 0;
+    for (std::size_t j = 0; j < 3; ++j) group = (group << 8) | (i + j < bytes.size() ? bytes[i + j] : 0U);
+    for (std::size_t j = 0; j < 4; ++j) out += i + j <= bytes.size() ? digits[(group >> (18 - 6 * j)) & 63] : '=';
+  }
+  return out;
+}
+
 class SvgCanvas : public Canvas {
  public:
   SvgCanvas(int width, int height) {
@@ -35,6 +53,13 @@ class SvgCanvas : public Canvas {
     const char* anchors[] = {"start", "middle", "end"};
     out_ << "<text x=\"" << at.x << "\" y=\"" << at.y << "\" font-size=\"" << size_px << "\" fill=\"" << name(colour)
          << "\" text-anchor=\"" << anchors[static_cast<int>(anchor)] << "\">" << escaped(text) << "</text>\n";
+  }
+
+  void image(CanvasPoint top_left, const cv::Mat3b& picture) override {
+    if (picture.empty()) return;
+    out_ << "<image x=\"" << top_left.x << "\" y=\"" << top_left.y << "\" width=\"" << picture.cols << "\" height=\""
+         << picture.rows << "\" href=\"data:image/png;base64," << base64(png_bytes(picture, "the plot's picture"))
+         << "\"/>\n";
   }
 
   void save(const std::string& path) const override {
@@ -96,9 +121,14 @@ class PngCanvas : public Canvas {
                 scalar(colour), 1, cv::LINE_AA);
   }
 
+  void image(CanvasPoint top_left, const cv::Mat3b& picture) override {
+    const cv::Point corner(cvRound(top_left.x), cvRound(top_left.y));
+    const cv::Rect there = cv::Rect(corner, picture.size()) & cv::Rect({0, 0}, image_.size());
+    if (!there.empty()) picture(there - corner).copyTo(image_(there));
+  }
+
   void save(const std::string& path) const override {
-    std::vector<unsigned char> bytes;
-    if (!cv::imencode(".png", image_, bytes)) throw RunError(path + ": cannot be encoded as PNG");
+    const std::vector<unsigned char> bytes = png_bytes(image_, path);
     write_file_atomically(path, [&](std::ostream& file) {
       file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
     });

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,8 @@ class Canvas {
   // `at` is the left end, middle or right end of the base line. Letters outside ASCII may show as '?' in PNG.
   virtual void text(CanvasPoint at, const std::string& text, double size_px, TextAnchor anchor,
                     CanvasColour colour) = 0;
+  // A picture, BGR, pixel by pixel; what is outside the sheet is cut off.
+  virtual void image(CanvasPoint top_left, const cv::Mat3b& picture) = 0;
   // Whole or not at all; throws RunError.
   virtual void save(const std::string& path) const = 0;
 };

@@ -98,13 +98,13 @@ bool draw_card(const MenuGame& game, void* picture, bool selected, bool marked, 
   return clicked;
 }
 
-std::string standing_of(const GameMenu& menu, const GameStore& store) {
+std::string standing_of(const GameMenuView& view, const GameMenu& menu, const GameStore& store) {
   const std::string& name = menu.games()[menu.selected()].info.name;
   const auto& best = store.best(name, store.difficulty);
   std::string text = best.empty() ? "no score yet" : "best score " + std::to_string(best.front().score);
   text += std::string(" (") + difficulty_name(store.difficulty) + ")";
   if (menu.playing() == menu.selected()) return text + ", on now";
-  if (store.left.contains(name)) text += ", goes on where it was left";
+  if (view.left.contains(name)) text += ", goes on where it was left";
   return text;
 }
 
@@ -120,7 +120,7 @@ MenuChoice draw_cards(const GameMenuView& view, GameMenu* menu, GameStore* store
   }
   ImGui::Spacing();
   ImGui::TextWrapped("%s", menu->games()[menu->selected()].line.c_str());
-  quiet_text(standing_of(*menu, *store));
+  quiet_text(standing_of(view, *menu, *store));
   ImGui::Spacing();
   MenuChoice choice = draw_buttons(menu, store);
   quiet_text(view.gamepad

@@ -4,6 +4,8 @@
 // Between ImGui::NewFrame() and ImGui::Render(); the window's thread.
 #pragma once
 
+#include <set>
+#include <string>
 #include <vector>
 
 #include "app/game_menu.h"
@@ -15,7 +17,8 @@ struct GameMenuView {
   const KeyBindings* keys = nullptr;  // required: as they are bound now
   // A picture of each game, as SceneRenderer::picture() gives it, four by three; null: none.
   std::vector<void*> pictures;
-  bool gamepad = false;  // one is there: its buttons are said
+  bool gamepad = false;        // one is there: its buttons are said
+  std::set<std::string> left;  // games that go on where they were left
 };
 
 // Draws nothing when the menu is closed. What a click chose is carried out on the menu and the store, and returned.

@@ -16,7 +16,7 @@ namespace parallax {
 namespace {
 
 constexpr std::array<const char*, 3> kDifficulties{"easy", "normal", "hard"};
-// A saved game is a few hundred kilobytes at most; what is larger was not written here.
+// A few kilobytes as it is written here.
 constexpr std::uintmax_t kLargestFile = 32u << 20;
 
 std::string key_of(const std::string& game, GameDifficulty difficulty) {
@@ -86,10 +86,6 @@ GameStore parse(const nlohmann::json& json) {
     }
   }
   if (json.contains("scores")) take_scores(json["scores"], &store);
-  if (json.contains("left") && json["left"].is_object()) {
-    for (const auto& [game, text] : json["left"].items())
-      if (text.is_string()) store.left[game] = text.get<std::string>();
-  }
   return store;
 }
 
@@ -159,7 +155,6 @@ void write_game_store(const GameStore& store, const std::string& path) {
   json["palette"] = store.palette;
   json["explained"] = store.explained;
   json["settings"] = store.settings;
-  json["left"] = store.left;
   json["scores"] = nlohmann::json::object();
   for (const auto& [name, list] : store.scores) {
     nlohmann::json& out = json["scores"][name] = nlohmann::json::array();

@@ -1,5 +1,6 @@
-// What is kept of the games from one time to the next: high scores, how the player likes them, and the state of a game
-// that was left. JSON, beside the program's state ($XDG_DATA_HOME/parallax/games.json).
+// What is kept of the games from one time to the next: high scores, and how the player likes them. JSON, beside the
+// program's state ($XDG_DATA_HOME/parallax/games.json). Games that were left are not here but with the map they were
+// left on (map/map_document.h).
 //
 // A value. What cannot be read is none: it is only a convenience.
 #pragma once
@@ -32,7 +33,6 @@ struct GameStore {
   std::set<std::string> explained;                                // games whose explanation was shown
   std::map<std::string, std::map<std::string, double>> settings;  // by game and name
   std::map<std::string, std::vector<GameScore>> scores;           // by "game/difficulty", best first
-  std::map<std::string, std::string> left;                        // by game: Game::save() when it was left
 
   // Keeps a score when it is among the best; its place from 1, 0: it is not. Scores of 0 are none.
   int add_score(const std::string& game, GameDifficulty scored_at, std::int64_t score, const std::string& when);

@@ -81,6 +81,7 @@ void add_live_command(CLI::App& app, int* exit_code) {
                    "Keep every map in this folder, and know its places again; in the window the default is the "
                    "user's own folder")
       ->excludes(one_map);
+  command->add_flag("--no-merge", options->no_merge, "Do not merge maps that meet");
   command->add_option("--size", *size, "Wanted image size, WIDTHxHEIGHT");
   command->add_flag("--fps", options->show_fps, "Open the timing panel");
   command->add_option("--init", options->init, "auto, or manual: by key (default in the window)")

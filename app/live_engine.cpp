@@ -90,6 +90,7 @@ LiveEngine::LiveEngine(const LiveOptions& options, const UserSettings& settings,
   run_options_.manual_initialisation = options.init != "auto";
   run_options_.kept_frames = kLiveKeptFrames;
   run_options_.keep_trajectory = !options.trajectory.empty();
+  run_options_.merge_maps = settings.merge_maps && !options.no_merge;
   apply_settings(options.settings, &run_options_);
   library_ = open_live_library(options, settings);
 }
@@ -146,9 +147,7 @@ void LiveEngine::begin(const CameraModel& lens, bool estimated, const std::strin
 }
 
 void LiveEngine::begin_maps() {
-  SessionMapsOptions wanted;
-  wanted.automatic = run_options_.automatic_initialisation();
-  wanted.tracker = run_options_.tracker;
+  const SessionMapsOptions wanted = session_maps_options(run_options_);
   LiveSession* session = session_.get();
   try {
     maps_ =

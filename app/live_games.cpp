@@ -43,12 +43,7 @@ std::string folder_or_none(const std::string& kind) {
 LiveGames::LiveGames(std::string store_path)
     : store_path_(std::move(store_path)), store_(read_game_store(store_path_)) {}
 
-LiveGames::~LiveGames() {
-  try {
-    leave();
-  } catch (const std::exception&) {  // a full disk: the program is ending
-  }
-}
+LiveGames::~LiveGames() = default;
 
 GameMenu& LiveGames::menu() {
   if (!menu_) menu_.emplace(menu_games());
@@ -93,7 +88,9 @@ void LiveGames::draw_menu(const KeyBindings& keys, bool gamepad, const MakePictu
     }
   }
   const GameStore before = settings_now();
-  const MenuChoice choice = draw_game_menu({&keys, pictures_, gamepad}, &*menu_, &store_);
+  std::set<std::string> left;
+  for (const auto& [name, state] : left_) left.insert(name);
+  const MenuChoice choice = draw_game_menu({&keys, pictures_, gamepad, std::move(left)}, &*menu_, &store_);
   apply_settings(before);
   carry_out(choice, lens);
 }
@@ -124,7 +121,7 @@ void LiveGames::release_game() {
   held_by_menu_ = false;
 }
 
-// The games' own settings, without what is kept of games that were left.
+// The games' own settings, without the scores.
 GameStore LiveGames::settings_now() const {
   GameStore now;
   now.settings = store_.settings;
@@ -153,10 +150,7 @@ void LiveGames::begin(const std::string& name, const CameraModel& lens) {
   sounds_->set_volume(store_.volume);
   sounds_->set_muted(store_.mute);
   session_ = std::make_unique<GameSession>(GameRequest{name, store_.options(name, new_seed())}, models_);
-  if (const auto left = store_.left.find(name); left != store_.left.end()) {
-    session_->restore_when_possible(left->second);
-    store_.left.erase(left);
-  }
+  if (const auto left = left_.find(name); left != left_.end()) session_->restore_when_possible(left->second);
   if (!surface_) {
     surface_ = std::make_unique<SurfaceWorker>(lens);
     mask_.emplace(lens);
@@ -171,29 +165,32 @@ void LiveGames::leave() {
   if (menu_) menu_->close();
   held_by_menu_ = false;
   if (!session_) return;
-  const GamePhase phase = session_->runner().phase();
-  if (phase != GamePhase::idle && phase != GamePhase::over)
-    store_.left[session_->name()] = session_->runner().game().save();
+  left_ = states();
   session_.reset();
   surface_.reset();
   mask_.reset();
   if (sounds_) sounds_->stop_all();
-  write_game_store(store_, store_path_);
 }
 
 void LiveGames::change_map() {
-  leave();
-  store_.left.clear();
+  if (session_ && session_->runner().phase() != GamePhase::idle) leave();
+  if (session_) session_->restore_when_possible("");
+  left_.clear();
 }
 
 void LiveGames::bring(const std::map<std::string, std::string>& left) {
-  for (const auto& [name, state] : left) store_.left[name] = state;
+  left_ = left;
+  if (!session_) return;
+  // It was chosen before the map was there.
+  if (const auto it = left_.find(session_->name()); it != left_.end() && session_->runner().phase() == GamePhase::idle)
+    session_->restore_when_possible(it->second);
 }
 
 std::map<std::string, std::string> LiveGames::states() const {
-  std::map<std::string, std::string> out = store_.left;
+  std::map<std::string, std::string> out = left_;
   if (!session_) return out;
   const GamePhase phase = session_->runner().phase();
+  if (phase == GamePhase::over) out.erase(session_->name());
   if (phase != GamePhase::idle && phase != GamePhase::over) out[session_->name()] = session_->runner().game().save();
   return out;
 }

@@ -27,9 +27,9 @@ namespace parallax {
 
 class LiveGames {
  public:
-  // `store_path`: where scores, settings and left games are kept; empty: nowhere.
+  // `store_path`: where scores and settings are kept; empty: nowhere.
   explicit LiveGames(std::string store_path);
-  ~LiveGames();  // leaves the game; what cannot be written is lost
+  ~LiveGames();  // the game that is on ends with it
   LiveGames(const LiveGames&) = delete;
   LiveGames& operator=(const LiveGames&) = delete;
 
@@ -42,15 +42,16 @@ class LiveGames {
   void explain();
   // A press in the menu. Throws InputError when a game's models cannot be loaded.
   void press(MenuKey key, const CameraModel& lens);
-  // Ends the game; its state is kept for the next time. Closes the menu.
+  // Ends the game; its state is kept for the next time that it is played on this map. Closes the menu.
   void leave();
   void toggle_pause();
-  // Games that were left on the map that is shown now, to go on with; and those left or being played, to keep with it.
+  // A game belongs to the map that it is played on. Those that were left on the map that is shown now, to go on with;
+  // and those left or being played, to keep with it.
   void bring(const std::map<std::string, std::string>& left);
   std::map<std::string, std::string> states() const;
   // What the game being played leaves to be kept (Game::picture()).
   cv::Mat4b picture() const { return session_ ? session_->runner().game().picture() : cv::Mat4b(); }
-  // The map that is shown has become another: the game on it ends, and those left there are none of the new one's.
+  // The map that is shown has become another: a game that has begun ends, and what was left there is not the new one's.
   void change_map();
 
   // A new frame; `input` is what keys and gamepad say now. `ahead_s`: from the frame's time to when it is seen.
@@ -74,9 +75,10 @@ class LiveGames {
 
   std::string store_path_;
   GameStore store_;
-  std::optional<GameMenu> menu_;  // once it was opened
-  bool held_by_menu_ = false;     // the game waits for the menu to close
-  bool fire_held_back_ = false;   // the button that closed the menu is no shot
+  std::map<std::string, std::string> left_;  // by game: Game::save() on the map that is shown
+  std::optional<GameMenu> menu_;             // once it was opened
+  bool held_by_menu_ = false;                // the game waits for the menu to close
+  bool fire_held_back_ = false;              // the button that closed the menu is no shot
   std::vector<void*> pictures_;
   PaletteFilter palette_;
   std::shared_ptr<const ModelSet> models_;

@@ -89,6 +89,7 @@ int run_live_headless(const LiveOptions& options) {
   run_options.manual_initialisation = options.init == "manual";
   run_options.kept_frames = kLiveKeptFrames;
   run_options.keep_trajectory = !options.trajectory.empty();
+  run_options.merge_maps = settings.merge_maps && !options.no_merge;
   apply_settings(options.settings, &run_options);
   LiveSource source = open_source_for(options, settings);
   const CameraModel lens = lens_for(source);
@@ -120,9 +121,7 @@ int run_live_headless(const LiveOptions& options) {
       saver = std::make_unique<MapSaver>(saving, [&] { return session.copy_map_and_world(); });
     std::unique_ptr<SessionMaps> maps;
     if (library && options.record.empty()) {
-      SessionMapsOptions wanted;
-      wanted.automatic = run_options.automatic_initialisation();
-      wanted.tracker = run_options.tracker;
+      const SessionMapsOptions wanted = session_maps_options(run_options);
       maps = std::make_unique<SessionMaps>(lens, wanted, library, place_vocabulary(), saver.get(),
                                            SessionPort{&session.inbox(), {}, {}});
     }

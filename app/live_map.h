@@ -20,8 +20,8 @@ class LiveMap {
   void begun() { *this = LiveMap(); }
 
   // After the content has followed this frame's map. Content and games of the map that the session began with are put
-  // back at its first frame, and those of a stored map that the session has gone over to. Returns where the maps lie
-  // that went to the trash meanwhile.
+  // back at its first frame, and those of a stored map that the session has gone over to or merged. Returns where the
+  // maps lie that went to the trash meanwhile.
   std::vector<std::string> frame(const LiveFrame& frame, const LiveEngine& engine, LiveState* state, LiveGames* games);
   // Hands over what stands on the map now; before the session ends.
   void hand_over(const LiveFrame& frame, const LiveEngine& engine, const LiveState& state, const LiveGames& games);
@@ -30,6 +30,7 @@ class LiveMap {
 
  private:
   void put_back(const LiveFrame& frame, const MapDocument& document, LiveState* state, LiveGames* games);
+  void put_in(const LiveFrame& frame, const MapNews& news, LiveState* state, LiveGames* games);
 
   std::deque<MapNews> to_put_back_;
   bool restored_ = false, scale_is_known_ = false;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "app/map_merge_record.h"
 #include "core/error.h"
 
 namespace parallax {
@@ -21,6 +22,7 @@ std::vector<MapCard> read_cards(const MapLibrary& library, const CameraModel& le
     MapCard card;
     card.current = map.path == current;
     card.fits = map.fits(lens);
+    card.merged = map.info.merged_from.size() > 1 && merged_pair(map.path).has_value();
     try {
       if (map.problem.empty()) card.picture = read_map_picture(map.path, kCardPicture_px);
     } catch (const std::exception&) {
@@ -59,7 +61,7 @@ bool LiveMaps::takes(int key, int modifiers, LiveEngine* engine, LiveState* stat
       {GLFW_KEY_LEFT, MapsKey::left}, {GLFW_KEY_RIGHT, MapsKey::right}, {GLFW_KEY_UP, MapsKey::up},
       {GLFW_KEY_DOWN, MapsKey::down}, {GLFW_KEY_ENTER, MapsKey::go},    {GLFW_KEY_KP_ENTER, MapsKey::go},
       {GLFW_KEY_N, MapsKey::rename},  {GLFW_KEY_K, MapsKey::lock},      {GLFW_KEY_DELETE, MapsKey::remove},
-      {GLFW_KEY_U, MapsKey::undo},    {GLFW_KEY_ESCAPE, MapsKey::close}};
+      {GLFW_KEY_U, MapsKey::undo},    {GLFW_KEY_S, MapsKey::separate},  {GLFW_KEY_ESCAPE, MapsKey::close}};
   if (modifiers != 0) return false;
   for (const auto& [code, meaning] : kKeys) {
     if (code != key) continue;
@@ -112,10 +114,12 @@ void LiveMaps::carry_out(const MapsChoice& choice, LiveEngine* engine, LiveState
         panel_.close();
       }
       if (choice.kind == Kind::remove) engine->maps()->forget_map();
+      if (choice.kind == Kind::separate) engine->maps()->separate(card.map.path);
       if (choice.kind == Kind::lock || choice.kind == Kind::unlock)
         engine->maps()->set_locked(choice.kind == Kind::lock);
     } else {
       if (choice.kind == Kind::remove) trashed_.push_back(library.remove(card.map.path));
+      if (choice.kind == Kind::separate) undo_merge(library, card.map.path);
       if (choice.kind == Kind::lock || choice.kind == Kind::unlock)
         MapLibrary::set_locked(card.map.path, choice.kind == Kind::lock);
     }

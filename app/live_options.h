@@ -16,6 +16,7 @@ struct LiveOptions {
   std::string calibration;  // file; empty: what the camera is known by
   std::string record;       // file for a recording of the session
   std::string maps;         // folder of the maps that are kept by themselves; empty: in the window the user's own
+  bool no_merge = false;    // maps that meet stay two
   std::string map;          // file to go on with where there is one, and to keep the map in
   int width = 0, height = 0;
   std::string init;       // auto or manual; empty: manual in the window, auto without

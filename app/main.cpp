@@ -86,6 +86,7 @@ int parse_and_run(int argc, char** argv) {
   int exit_code = kExitDone;
   add_live_command(app, &exit_code);
   add_run_command(app, &exit_code);
+  add_slam_command(app, &exit_code);
   add_map_command(app, &exit_code);
   add_vocabulary_command(app, &exit_code);
   add_cameras_command(app, &exit_code);

@@ -1,7 +1,6 @@
 #include "app/map_finder.h"
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 #include "camera/calibration_file.h"
@@ -110,15 +109,15 @@ std::optional<RigidTransform> MapFinder::verify(Loaded* map, const FrameImages& 
   return result.camera_from_world;
 }
 
-std::optional<FoundMap> MapFinder::look(const Frame& frame, const std::string& except) {
+std::optional<FoundMap> MapFinder::look(const Frame& frame, const std::set<std::string>& except) {
   const auto images = features_.compute(frame.grey);
-  if (candidate_ && candidate_->frame != frame.index && candidate_->path != except) {
+  if (candidate_ && candidate_->frame != frame.index && !except.contains(candidate_->path)) {
     Loaded* map = load(candidate_->path);
     const auto pose = map ? verify(map, *images, candidate_->camera_from_world) : std::nullopt;
     if (pose) return FoundMap{map->path, map->stamp, map->document, *pose};
   }
   candidate_.reset();
-  const auto skip = [&](int entry) { return row_.at(entry).first == except; };
+  const auto skip = [&](int entry) { return except.contains(row_.at(entry).first); };
   const std::vector<PlaceMatch> alike = memory_.query(memory_.bag_of(images->pyramid), options_.keyframes_asked, skip);
   std::set<std::string> tried;
   for (const PlaceMatch& match : alike) {

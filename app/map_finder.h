@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -50,8 +51,14 @@ class MapFinder {
   // Maps that were learned and fit.
   int maps() const;
 
-  // One frame; some tens of milliseconds. `except`: the file of the present map. The same frame again is no evidence.
-  std::optional<FoundMap> look(const Frame& frame, const std::string& except);
+  // One frame; some tens of milliseconds. `except`: the file of the present map, or all that are not asked for. The
+  // same frame again is no evidence.
+  std::optional<FoundMap> look(const Frame& frame, const std::string& except) {
+    return look(frame, std::set<std::string>{except});
+  }
+  std::optional<FoundMap> look(const Frame& frame, const std::set<std::string>& except);
+  // A map was found with one frame, and the next will say.
+  bool has_candidate() const { return candidate_.has_value(); }
   // Where the camera was is no help any more.
   void forget_candidate() { candidate_.reset(); }
 

@@ -24,7 +24,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kExtension = ".plxmap";
-constexpr const char* kTrash = ".trash";
 constexpr std::size_t kNameBytes = 60;
 
 bool ends_with(const std::string& text, const std::string& end) {
@@ -233,7 +232,8 @@ void MapLibrary::empty_old_trash() const {
   for (fs::directory_iterator it(trash, error), end; !error && it != end; it.increment(error)) {
     std::error_code unknown;
     const auto since = fs::last_write_time(it->path(), unknown);
-    if (!unknown && since < oldest && has_map_mark(it->path().string())) old.push_back(it->path());
+    const bool ours = has_map_mark(it->path().string()) || it->path().extension() == kMergeRecord;
+    if (!unknown && since < oldest && ours) old.push_back(it->path());
   }
   for (const fs::path& path : old) fs::remove(path, error);
 }

@@ -75,6 +75,8 @@ class MapLibrary {
   // What lies in the trash for longer than kTrashDays goes for good.
   void empty_old_trash() const;
   static constexpr int kTrashDays = 7;
+  static constexpr const char* kTrash = ".trash";
+  static constexpr const char* kMergeRecord = ".merge";  // end of the name of a note there (app/map_merge_record)
 
   // Of the maps without a name that are neither locked nor in use, the newest so many stay; the others go to the
   // trash. Returns their titles. `spared` stays.

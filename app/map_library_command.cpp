@@ -1,4 +1,4 @@
-// `parallax map list`, `name`, `lock`, `unlock` and `delete`: the maps that the program keeps by itself.
+// `parallax map list`, `name`, `lock`, `unlock`, `unmerge` and `delete`: the maps that the program keeps by itself.
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
@@ -8,6 +8,7 @@
 
 #include "app/command.h"
 #include "app/map_library.h"
+#include "app/map_merge_record.h"
 #include "core/error.h"
 
 namespace parallax {
@@ -35,6 +36,7 @@ void list_maps(std::string folder) {
     }
     std::cout << ": " << map.info.keyframes << " keyframes, " << map.info.points << " points, " << map.info.content
               << " things on it, " << map.info.games << " games, images of " << map.width << 'x' << map.height
+              << (map.info.merged_from.size() > 1 ? ", merged from " + std::to_string(map.info.merged_from.size()) : "")
               << (map.locked ? ", locked" : "") << (map.in_use ? ", in use" : "") << ", saved " << map.info.saved
               << '\n';
   }
@@ -65,6 +67,16 @@ void add_map_library_commands(CLI::App* command) {
     sub->callback([path, lock] {
       library_of(*path);
       MapLibrary::set_locked(*path, lock);
+    });
+  }
+  {
+    auto path = std::make_shared<std::string>();
+    CLI::App* sub = command->add_subcommand(
+        "unmerge", "Undo the merge of two maps: both are as they were before, the merged one goes to the trash");
+    sub->add_option("map", *path, "Merged map file")->required();
+    sub->callback([path] {
+      const UndoneMerge undone = undo_merge(library_of(*path), fs::absolute(*path).string());
+      std::cout << undone.pair.base << '\n' << undone.pair.other << '\n';
     });
   }
   auto path = std::make_shared<std::string>();

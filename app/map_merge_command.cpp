@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "app/command.h"
+#include "app/map_merge_record.h"
 #include "app/place_vocabulary.h"
 #include "camera/calibration_file.h"
 #include "core/error.h"
@@ -36,13 +37,7 @@ MapToMerge read_map(const std::string& path) {
   out.path = path;
   out.document = read_map_file(path);
   out.camera = parse_calibration(out.document.calibration, path + ": calibration");
-  out.origin = out.document.merged_from;
-  if (out.origin.empty()) {
-    const MapFileInfo info = read_map_file_info(path);
-    out.origin.push_back(std::filesystem::path(path).filename().string() +
-                         (info.name.empty() ? "" : " (" + info.name + ")") + ", made " + info.created + ", saved " +
-                         info.saved);
-  }
+  out.origin = merge_origin(path, out.document);
   out.document.merged_from.clear();
   return out;
 }

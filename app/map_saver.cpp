@@ -38,6 +38,19 @@ std::uint64_t hash_of(const MapDocument& document) {
   return sum;
 }
 
+std::vector<ContentItem> in_world(const MapExtras& extras, const WorldState& world) {
+  std::vector<ContentItem> content = extras.content;
+  for (ContentItem& item : content)
+    item.world_from_item = world.now_from(extras.world, item.position(), item.seen_from) * item.world_from_item;
+  return content;
+}
+
+void remove_begun(const std::string& path) {
+  std::error_code error;
+  std::filesystem::remove(path, error);
+  std::filesystem::remove(path + "-journal", error);
+}
+
 }  // namespace
 
 // The file of one map, and what of it is in there. Opened when it is first written to.
@@ -136,11 +149,20 @@ void MapSaver::begin_file(const MapCopy& copy) {
 void MapSaver::drop_file() {
   const std::string path = target_->path;
   target_.reset();
-  std::error_code error;
-  std::filesystem::remove(path, error);
-  std::filesystem::remove(path + "-journal", error);
+  remove_begun(path);
   MutexLock lock(mutex_);
   path_.clear();
+}
+
+// Name and what stands on the map, which the caller has copied.
+void MapSaver::put_extras(const MapCopy& copy, MapDocument* document) const {
+  document->name = name_;
+  document->merged_from = merged_from_;
+  if (extras_.map_version != copy.map_version) return;
+  // The world may have moved since the window looked at it.
+  document->content = in_world(extras_, copy.world());
+  document->games = extras_.games;
+  document->scale_is_known = extras_.scale_is_known;
 }
 
 bool MapSaver::save() {
@@ -159,17 +181,7 @@ bool MapSaver::save() {
       merged_from_.clear();
       locked_ = false;
     }
-    document.name = name_;
-    document.merged_from = merged_from_;
-    if (extras_.map_version == copy.map_version) {
-      // The world may have moved since the window looked at it.
-      document.content = extras_.content;
-      const WorldState world = copy.world();
-      for (ContentItem& item : document.content)
-        item.world_from_item = world.now_from(extras_.world, item.position(), item.seen_from) * item.world_from_item;
-      document.games = extras_.games;
-      document.scale_is_known = extras_.scale_is_known;
-    }
+    put_extras(copy, &document);
   }
   if (fresh && options_.library && !is_worth_keeping(document)) return false;
   const std::uint64_t hash = hash_of(document);
@@ -224,6 +236,79 @@ bool MapSaver::change_map(bool keep_present, const std::function<std::optional<M
     awaited_ = next->map_version;
   }
   return true;
+}
+
+std::string MapSaver::save_now() {
+  {
+    MutexLock saving(save_mutex_);
+    save();
+  }
+  return path();
+}
+
+MapSaver::Present MapSaver::present() const {
+  MapCopy copy = copy_();
+  Present out;
+  out.map_version = copy.map_version;
+  out.world_version = copy.world_version;
+  out.document.calibration = options_.calibration;
+  {
+    MutexLock lock(mutex_);
+    put_extras(copy, &out.document);
+  }
+  out.document.map = std::move(copy.map);
+  return out;
+}
+
+std::string MapSaver::merge_map(const MapDocument& merged, const std::function<std::optional<MergedIn>()>& change) {
+  PARALLAX_CHECK(options_.library != nullptr, "sessions with a library merge maps");
+  MutexLock saving(save_mutex_);
+  save();
+  if (!target_ || target_->locked) return "";
+  const std::string before = target_->path;
+  auto next = std::make_unique<Target>();
+  MapLibrary::NewMap made = options_.library->new_map();
+  next->path = std::move(made.path);
+  next->lock = std::move(made.lock);
+  next->map_version = target_->map_version;
+  std::optional<MergedIn> in;
+  try {
+    next->save(merged, options_.program);
+    in = change();
+  } catch (...) {
+    next->file.reset();
+    remove_begun(next->path);
+    throw;
+  }
+  if (!in) {
+    next->file.reset();
+    remove_begun(next->path);
+    return "";
+  }
+  target_ = std::move(next);
+  take_over(merged, *in);
+  try {
+    save();
+  } catch (const std::exception& e) {
+    MutexLock lock(mutex_);  // what was merged is in the file; what has come since is tried again
+    if (!std::exchange(failing_, true)) message_ = std::string("the map is not saved: ") + e.what();
+  }
+  return before;
+}
+
+// What belongs to the present map after a merge.
+void MapSaver::take_over(const MapDocument& merged, const MergedIn& in) {
+  MutexLock lock(mutex_);
+  path_ = target_->path;
+  name_ = merged.name;
+  merged_from_ = merged.merged_from;
+  if (extras_.map_version != target_->map_version) extras_ = {};
+  extras_.content = in_world(extras_, in.world);
+  extras_.content.insert(extras_.content.end(), in.content.begin(), in.content.end());
+  extras_.games.insert(in.games.begin(), in.games.end());
+  extras_.scale_is_known = extras_.scale_is_known || in.scale_is_known;
+  extras_.world = {in.world.world_from_first, in.world.warps.size()};
+  extras_.map_version = awaited_ = target_->map_version;
 }
 
 void MapSaver::finish() {

@@ -56,6 +56,14 @@ struct MapOnFile {
   std::shared_ptr<const MapDocument> document;  // what the file holds
 };
 
+// What the present map takes from one that it was merged with.
+struct MergedIn {
+  WorldState world;                          // that of the merged map, which `content` is in
+  std::vector<ContentItem> content;          // beside what stands on the present map
+  std::map<std::string, std::string> games;  // where the present map has none
+  bool scale_is_known = false;
+};
+
 class MapSaver {
  public:
   // `copy` gives the map as it is (SharedMap::copy) until finish() returns.
@@ -77,6 +85,20 @@ class MapSaver {
   // nothing, when the present map cannot be saved.
   bool change_map(bool keep_present, const std::function<std::optional<MapOnFile>()>& change);
   void content_is_back();
+  // Saves what is new at once; returns path(). Waits for the disk; throws RunError.
+  std::string save_now();
+  // The present map with what stands on it, as it would be saved now.
+  struct Present {
+    MapDocument document;
+    std::uint64_t map_version = 0, world_version = 0;
+  };
+  Present present() const;
+  // The present map becomes one with another (with a library only): it is saved to its file a last time, and `merged`
+  // to a new one, which the map is kept in from then on. `change` makes the session go on with the merged map, or
+  // returns nothing: nothing has changed then. Returns the file that the present map was kept in before, which nobody
+  // holds any more; empty: nothing has changed. What set_extras() says counts from content_is_back() on. Waits for the
+  // disk; throws RunError, and changes nothing, when one of the two cannot be saved.
+  std::string merge_map(const MapDocument& merged, const std::function<std::optional<MergedIn>()>& change);
   // Locks the file of the present map once it is up to date, or unlocks it. Waits for the disk; throws RunError.
   void set_locked(bool locked);
   // Saves a last time, and ends the thread. Throws RunError when that save failed. Once.
@@ -98,6 +120,8 @@ class MapSaver {
   bool save() PARALLAX_REQUIRES(save_mutex_);
   void begin_file(const MapCopy& copy) PARALLAX_REQUIRES(save_mutex_);
   void drop_file() PARALLAX_REQUIRES(save_mutex_);
+  void take_over(const MapDocument& merged, const MergedIn& in) PARALLAX_REQUIRES(save_mutex_);
+  void put_extras(const MapCopy& copy, MapDocument* document) const PARALLAX_REQUIRES(mutex_);
 
   const MapSaverOptions options_;
   const std::function<MapCopy()> copy_;

@@ -17,6 +17,7 @@ std::string card_text(const MapCard& card) {
   std::string text = count_text(map.info.keyframes, "view");
   if (map.info.content > 0) text += ", " + count_text(map.info.content, "thing") + " on it";
   if (map.info.games > 0) text += ", " + count_text(map.info.games, "game");
+  if (map.info.merged_from.size() > 1) text += ", merged from " + std::to_string(map.info.merged_from.size());
   if (map.locked) text += ", locked";
   if (!card.fits) text += ", another lens";
   if (map.in_use && !card.current) text += ", in use elsewhere";
@@ -46,6 +47,8 @@ bool MapsPanel::is_possible(MapsKey key) const {
       return card.can_change() && !card.map.locked;
     case MapsKey::lock:
       return card.can_change();
+    case MapsKey::separate:
+      return card.can_change() && card.merged && !card.map.locked;
     default:
       return true;
   }
@@ -78,6 +81,8 @@ MapsChoice MapsPanel::press(MapsKey key) {
       return {cards_[selected_].map.locked ? MapsChoice::Kind::unlock : MapsChoice::Kind::lock, selected_};
     case MapsKey::remove:
       return {MapsChoice::Kind::remove, selected_};
+    case MapsKey::separate:
+      return {MapsChoice::Kind::separate, selected_};
     case MapsKey::undo:
       return {MapsChoice::Kind::undo, 0};
     case MapsKey::close:

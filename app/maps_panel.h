@@ -17,6 +17,7 @@ struct MapCard {
   LibraryMap map;
   bool current = false;  // the session is on it
   bool fits = false;     // made with the present lens
+  bool merged = false;   // of two maps that are still there
   GreyImage picture;     // empty: none
   // What one can do with it.
   bool can_go() const { return map.problem.empty() && fits && !current && !map.in_use; }
@@ -25,10 +26,10 @@ struct MapCard {
 // "12 keyframes, 3 things on it, locked", or why it cannot be used.
 std::string card_text(const MapCard& card);
 
-enum class MapsKey { left, right, up, down, go, rename, lock, remove, undo, close };
+enum class MapsKey { left, right, up, down, go, rename, lock, remove, undo, separate, close };
 
 struct MapsChoice {
-  enum class Kind { none, go, rename, lock, unlock, remove, undo, close } kind = Kind::none;
+  enum class Kind { none, go, rename, lock, unlock, remove, undo, separate, close } kind = Kind::none;
   std::size_t card = 0;
 };
 

@@ -132,14 +132,16 @@ MapsChoice draw_maps_panel(const MakeMapPicture& picture, const std::string& not
   const bool locked = !panel->cards().empty() && panel->cards()[panel->selected()].map.locked;
   const std::pair<MapsKey, std::string> buttons[] = {
       {MapsKey::go, "Go to"},      {MapsKey::rename, "Rename"},    {MapsKey::lock, locked ? "Unlock" : "Lock"},
-      {MapsKey::remove, "Delete"}, {MapsKey::undo, "Undo delete"}, {MapsKey::close, "Close"}};
+      {MapsKey::remove, "Delete"}, {MapsKey::undo, "Undo delete"}, {MapsKey::separate, "Undo merge"},
+      {MapsKey::close, "Close"}};
   const float gap = kMapCardGap * unit, room = ImGui::GetContentRegionAvail().x;
   const float each = std::min(8 * unit, (room + gap) / static_cast<float>(std::size(buttons)) - gap);
   for (const auto& [key, label] : buttons) {
     if (key != MapsKey::go) ImGui::SameLine(0, gap);
     if (draw_map_button(label, panel->is_possible(key), each)) choice = panel->press(key);
   }
-  quiet_line("Arrows: choose   Enter: go to   N: name   K: lock   Delete, U: delete, undo   Esc: close");
+  quiet_line(
+      "Arrows: choose   Enter: go to   N: name   K: lock   Delete, U: delete, undo   S: undo merge   Esc: close");
   ImGui::End();
   return choice;
 }

@@ -25,7 +25,7 @@ namespace {
 struct RunArguments {
   std::string source, calibration, init = "auto", pace;
   std::string trajectory, keyframes, points, map, maps, from, timing, report, video, frames, truth, game, game_picture;
-  bool no_occlusion = false, no_loops = false;
+  bool no_occlusion = false, no_loops = false, no_merge = false;
   int start = 0, count = -1, threads = 1;
   double speed = 1.0;
   std::vector<std::string> settings;
@@ -93,6 +93,7 @@ int run(RunArguments args) {
   options.speed = args.speed;
   options.mapper.threads = args.threads;
   options.mapper.close_loops = !args.no_loops;
+  options.merge_maps = !args.no_merge;
   apply_settings(args.settings, &options);
   const std::optional<GameRequest> game =
       args.game.empty() ? std::nullopt : std::optional(parse_game_request(args.game));
@@ -220,6 +221,7 @@ void add_run_command(CLI::App& app, int* exit_code) {
                    "Keep every map in this folder, and go over to the one that knows the place: several maps")
       ->excludes(map)
       ->excludes(from);
+  command->add_flag("--no-merge", args->no_merge, "With --maps: do not merge maps that meet");
   command->add_option("--timing", args->timing, "Write a row a frame (CSV)");
   command->add_option("--report", args->report, "Write counts, timings and settings (JSON)");
   command->add_option("--truth", args->truth, "Write the source's true poses, where it carries them (TUM form)");

@@ -36,6 +36,7 @@ struct RunOptions {
   bool keep_trajectory = true;  // RunResult::poses when kept_frames is bounded: some 10 MB an hour
   TrackerOptions tracker;
   MapperOptions mapper;
+  bool merge_maps = true;  // several maps: those that meet are merged (app/session_maps)
   // The session begins with this map, and with finding itself on it; null: with none.
   std::shared_ptr<const MapDocument> initial_map;
 

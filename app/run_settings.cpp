@@ -1,17 +1,11 @@
 #include "app/run_settings.h"
 
-#include <cmath>
-#include <map>
-#include <variant>
-
-#include "core/error.h"
+#include "app/named_settings.h"
 
 namespace parallax {
 namespace {
 
-using Target = std::variant<int*, double*, bool*>;
-
-std::map<std::string, Target> targets_of(RunOptions* options) {
+SettingTargets targets_of(RunOptions* options) {
   TrackerOptions& t = options->tracker;
   MapperOptions& m = options->mapper;
   return {
@@ -61,36 +55,14 @@ std::map<std::string, Target> targets_of(RunOptions* options) {
       {"mapper.max_keyframes", &m.max_keyframes},
       {"mapper.redundant_part", &m.redundant_part},
       {"mapper.close_loops", &m.close_loops},
+      {"maps.merge", &options->merge_maps},
   };
 }
 
 }  // namespace
 
 void apply_settings(const std::vector<std::string>& settings, RunOptions* options) {
-  const auto targets = targets_of(options);
-  for (const std::string& setting : settings) {
-    const auto equals = setting.find('=');
-    const std::string name = setting.substr(0, equals);
-    const auto it = targets.find(name);
-    if (equals == std::string::npos || it == targets.end()) {
-      std::string known;
-      for (const auto& [key, target] : targets) known += (known.empty() ? "" : ", ") + key;
-      throw InputError("--set: found '" + setting + "', expected NAME=VALUE with NAME one of " + known);
-    }
-    const std::string text = setting.substr(equals + 1);
-    double value = NAN;
-    std::size_t used = 0;
-    try {
-      value = std::stod(text, &used);
-    } catch (const std::exception&) {
-      used = 0;
-    }
-    const bool whole = std::holds_alternative<double*>(it->second) || value == std::floor(value);
-    if (text.empty() || used != text.size() || !std::isfinite(value) || !whole || std::abs(value) > 1e9)
-      throw InputError("--set " + name + ": found '" + text + "', expected a number");
-    std::visit([&](auto* target) { *target = static_cast<std::remove_pointer_t<decltype(target)>>(value); },
-               it->second);
-  }
+  apply_named_settings(settings, targets_of(options));
   options->tracker.validate();
   options->mapper.validate();
 }

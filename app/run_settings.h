@@ -1,4 +1,4 @@
-// `--set NAME=VALUE`: any option of the tracker or mapper by name, for experiments.
+// `--set NAME=VALUE`: any option of the tracker, the mapper or several maps by name, for experiments.
 #pragma once
 
 #include <string>

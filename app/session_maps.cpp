@@ -16,11 +16,7 @@ namespace {
 
 // The folder is looked through again so often while the camera is lost.
 constexpr std::chrono::seconds kFolderRefresh{2};
-// The mapper answers within moments; one that does not has ended.
-constexpr std::chrono::seconds kMapperPatience{10};
 constexpr int kFinderNice = 5;
-// While the camera is tracked there is time to learn what lies in the folder.
-constexpr std::chrono::seconds kIdleRefresh{10};
 
 std::string title_of(const MapDocument& document, const std::string& path) {
   return document.name.empty() ? MapLibrary("").describe(path).title : document.name;
@@ -28,26 +24,42 @@ std::string title_of(const MapDocument& document, const std::string& path) {
 
 }  // namespace
 
+SessionMapsOptions session_maps_options(const RunOptions& options) {
+  SessionMapsOptions out;
+  out.automatic = options.automatic_initialisation();
+  out.merge = options.merge_maps;
+  out.tracker = options.tracker;
+  out.mapper = options.mapper;
+  return out;
+}
+
 SessionMaps::SessionMaps(const CameraModel& camera, const SessionMapsOptions& options,
                          std::shared_ptr<const MapLibrary> library, std::shared_ptr<const Vocabulary> vocabulary,
                          MapSaver* saver, SessionPort port)
-    : options_(options),
+    : camera_(camera),
+      options_(options),
+      vocabulary_(std::move(vocabulary)),
       library_(std::move(library)),
       saver_(saver),
       port_(std::move(port)),
-      finder_(camera, options.tracker, std::move(vocabulary)) {
+      finder_(camera, options.tracker, vocabulary_) {
   if (options_.threaded) thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
-SessionMaps::~SessionMaps() = default;
+SessionMaps::~SessionMaps() {
+  MutexLock lock(mutex_);
+  ending_ = true;
+  if (merging_) merging_->request_stop();
+}
 
 void SessionMaps::frame(const Frame& frame, const TrackingResult& tracked) {
-  Seen seen{frame, tracked.state, tracked.map_version, tracked.map_keyframes};
+  Seen seen{frame, tracked.state, tracked.quality, tracked.map_version, tracked.map_keyframes};
   seen.frame.colour.release();
   {
     MutexLock lock(mutex_);
     newest_ = seen;
     unseen_ = true;
+    if (merging_ && tracked.state == TrackingState::lost) merging_->request_stop();  // the place is looked for
   }
   if (options_.threaded) return wake_.notify_one();
   std::vector<Wish> wishes;
@@ -93,6 +105,7 @@ void SessionMaps::wish(Wish wish) {
   {
     MutexLock lock(mutex_);
     wishes_.push_back(std::move(wish));
+    if (merging_) merging_->request_stop();
   }
   wake_.notify_one();
 }
@@ -100,6 +113,7 @@ void SessionMaps::wish(Wish wish) {
 void SessionMaps::begin_new_map() { wish({Wish::Kind::new_map, ""}); }
 void SessionMaps::forget_map() { wish({Wish::Kind::forget, ""}); }
 void SessionMaps::go_to(std::string path) { wish({Wish::Kind::go_to, std::move(path)}); }
+void SessionMaps::separate(std::string path) { wish({Wish::Kind::separate, std::move(path)}); }
 void SessionMaps::set_locked(bool locked) { wish({locked ? Wish::Kind::lock : Wish::Kind::unlock, ""}); }
 
 std::vector<MapNews> SessionMaps::take_news() {
@@ -110,6 +124,11 @@ std::vector<MapNews> SessionMaps::take_news() {
 int SessionMaps::switches() const {
   MutexLock lock(mutex_);
   return switches_;
+}
+
+int SessionMaps::merges() const {
+  MutexLock lock(mutex_);
+  return merges_;
 }
 
 void SessionMaps::tell(MapNews news) {
@@ -138,20 +157,6 @@ bool SessionMaps::send(MapperMessage message) {
   const bool sent = port_.inbox->push(std::move(message));
   if (sent && port_.work) port_.work();
   return sent;
-}
-
-// Nothing when the mapper has ended. The map may change until it has answered: nobody goes before.
-template <class Reply>
-std::optional<Reply> SessionMaps::answer(std::future<Reply> reply) {
-  constexpr std::chrono::milliseconds kLook{20};
-  const auto patience = SteadyClock::now() + kMapperPatience;
-  while (reply.wait_for(kLook) != std::future_status::ready)
-    if (port_.inbox->closed() || SteadyClock::now() > patience) return std::nullopt;
-  try {
-    return reply.get();
-  } catch (const std::future_error&) {
-    return std::nullopt;
-  }
 }
 
 bool SessionMaps::go_over(const std::string& path, const MapStamp& stamp,
@@ -189,10 +194,7 @@ bool SessionMaps::new_map(bool keep_present) {
     ResetRequest request;
     auto done = request.done.get_future();
     if (!send(std::move(request))) return std::nullopt;
-    constexpr std::chrono::milliseconds kLook{20};
-    const auto patience = SteadyClock::now() + kMapperPatience;
-    while (done.wait_for(kLook) != std::future_status::ready)
-      if (port_.inbox->closed() || SteadyClock::now() > patience) return std::nullopt;
+    if (!is_answered(done)) return std::nullopt;
     return MapOnFile{};
   });
 }
@@ -243,6 +245,8 @@ void SessionMaps::fulfil(const Wish& wish) {
       send(request);
       return;
     }
+    case Wish::Kind::separate:
+      return undo_merge_of(wish.path);
   }
 }
 
@@ -258,15 +262,13 @@ bool SessionMaps::step(const Seen& seen) {
   const bool without_map = seen.map_keyframes == 0, lost = seen.state == TrackingState::lost;
   if (!lost && !without_map) {
     lost_since_.reset();
-    finder_.forget_candidate();
-    if (!options_.threaded) return false;
-    if (SteadyClock::now() - refreshed_ > kIdleRefresh) refresh();
-    finder_.learn_one();
+    meet(seen);
     return false;
   }
   if (!lost_since_) {
     lost_since_ = seen.frame.time;
     looks_ = 0;
+    finder_.forget_candidate();
     refresh();
   } else if (asked_except_ != saver_->path() ||
              (options_.threaded && SteadyClock::now() - refreshed_ > kFolderRefresh)) {
@@ -297,8 +299,11 @@ bool SessionMaps::step(const Seen& seen) {
 RunMaps::RunMaps(const CameraModel& camera, const RunOptions& options, std::shared_ptr<const MapLibrary> library,
                  const SessionMapsOptions& wanted)
     : camera_(camera), wanted_(wanted), library_(std::move(library)) {
-  wanted_.automatic = options.automatic_initialisation();
-  wanted_.tracker = options.tracker;
+  const SessionMapsOptions asked = session_maps_options(options);
+  wanted_.automatic = asked.automatic;
+  wanted_.merge = wanted.merge && asked.merge;
+  wanted_.tracker = asked.tracker;
+  wanted_.mapper = asked.mapper;
 }
 
 RunMaps::~RunMaps() = default;
@@ -322,6 +327,7 @@ void RunMaps::frame(const Frame& frame, const TrackingResult& tracked) { maps_->
 void RunMaps::end() {
   if (!maps_) return;
   switches_ = maps_->switches();
+  merges_ = maps_->merges();
   news_ = maps_->take_news();
   maps_.reset();
 }

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "render/synthetic_handheld.h"
 #include "render/synthetic_source.h"
+#include "render/synthetic_stereo_source.h"
 
 namespace parallax {
 
@@ -50,6 +51,12 @@ std::unique_ptr<FrameSource> open_frames(const std::string& source, const Source
   if (names_camera(source)) throw InputError(source + ": found a camera, expected a recording");
   if (source.starts_with(kSynthetic)) return open_synthetic_source(source, options);
   return open_frame_source(source, options);
+}
+
+std::unique_ptr<StereoSource> open_stereo(const std::string& source, const SourceOptions& options) {
+  if (names_camera(source)) throw InputError(source + ": found a camera, expected a stereo recording");
+  if (source.starts_with(kSynthetic)) return open_synthetic_stereo_source(source, options);
+  return open_stereo_source(source, options);
 }
 
 OpenedSource open_source(const std::string& source, const std::string& calibration_path, const SourceOptions& options) {

@@ -8,6 +8,7 @@
 
 #include "camera/frame_source.h"
 #include "camera/live_camera.h"
+#include "camera/stereo_source.h"
 
 namespace parallax {
 
@@ -27,6 +28,10 @@ OpenedSource open_source(const std::string& source, const std::string& calibrati
 
 // Frames only, with no calibration: anything but a camera.
 std::unique_ptr<FrameSource> open_frames(const std::string& source, const SourceOptions& options);
+
+// Pairs of frames with their calibration: a stereo recording (camera/stereo_source.h), or a synthetic name seen by two
+// cameras. Throws InputError when it is neither, or a camera.
+std::unique_ptr<StereoSource> open_stereo(const std::string& source, const SourceOptions& options = {});
 
 // A source for `live`: a camera, the synthetic desk held by the user, or a recording.
 struct LiveSource {

@@ -166,6 +166,8 @@ UserSettings parse_user_settings(const std::string& text, const std::string& nam
         settings.interface_scale = number_of(value, name, key, 0.5, 4);
       } else if (key == "keep_maps") {
         settings.keep_maps = truth_of(value, name, key);
+      } else if (key == "merge_maps") {
+        settings.merge_maps = truth_of(value, name, key);
       } else if (key == "tracking_profile") {
         settings.tracking_profile = truth_of(value, name, key);
       }  // others belong to a later version

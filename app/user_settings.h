@@ -25,6 +25,7 @@ struct UserSettings {
   std::string videos;                    // folder of videos and recordings; empty: the desktop's own
   double interface_scale = 1;            // of text and panels, on top of the screen's own
   bool keep_maps = true;                 // keep maps by itself, and know them again (app/map_library.h)
+  bool merge_maps = true;                // those that meet (app/session_maps.h)
   bool tracking_profile = true;          // lock exposure, focus and white balance once settled
 };
 

@@ -308,7 +308,7 @@ class Trial {
     // From nearer where the field has grown round the sheet: the lens's focal length has its limits.
     double hottest = 0;
     std::string heights;
-    for (double height = radius; height > 0.1 * radius && hottest < kBurningHeat; height /= 2) {
+    for (double height = radius; height > 0.002 * radius && hottest < kBurningHeat; height /= 2) {
       const RigidTransform camera = looking({0, 0, height}, {0, 0, 0});
       for (int tick = 0; tick < 30 * kGameTicksPerSecond; ++tick) {
         game.step(game.scripted_input(camera));

@@ -39,10 +39,13 @@ std::string format_problem(const CameraModel& camera, CalibrationFormat format);
 std::string format_calibration(const CameraModel& camera, CalibrationFormat format, const std::string& name = "camera");
 void write_calibration(const CameraModel& camera, CalibrationFormat format, const std::string& path);
 
-// A rig in our own YAML: the left camera as `Camera.`, the right one as `Right.`, and `Right.from_left` (the upper
-// three rows of right_from_left, row by row, metres). read_calibration reads either camera by its index; this reads the
-// whole.
-StereoCalibration read_stereo_calibration(const std::string& path);
+// A rig: our own YAML (the left camera as `Camera.`, the right one as `Right.`, and `Right.from_left`, the upper three
+// rows of right_from_left, row by row, metres), Kalibr's camchain (cam0, cam1 and its T_cn_cnm1) or the stereo settings
+// of ORB-SLAM3 (Camera1, Camera2, Stereo.T_c1_c2; or a rectified pair with Camera.bf or Stereo.b). read_calibration
+// reads either camera by its index; these read the whole, and throw as it does.
+StereoCalibration read_stereo_calibration(const std::string& path, int width = 0, int height = 0);
+StereoCalibration parse_stereo_calibration(const std::string& text, const std::string& name, int width = 0,
+                                           int height = 0);
 void write_stereo_calibration(const StereoCalibration& rig, const std::string& path);
 std::string format_stereo_calibration(const StereoCalibration& rig);
 

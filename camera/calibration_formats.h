@@ -9,6 +9,7 @@
 
 #include "camera/calibration_node.h"
 #include "core/camera_model.h"
+#include "core/se3.h"
 
 namespace parallax::calibration {
 

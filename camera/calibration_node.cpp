@@ -1,5 +1,6 @@
 #include "camera/calibration_node.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -139,6 +140,38 @@ std::vector<double> CalibrationNode::numbers(const std::string& key, std::size_t
   std::vector<double> values = numbers(key);
   if (values.size() != count) fail(key, std::to_string(values.size()) + " numbers", expected);
   return values;
+}
+
+RigidTransform CalibrationNode::rigid(const std::string& key) const {
+  const YAML::Node node = at(key);
+  const char* expected = "three or four rows of four numbers";
+  std::vector<double> rows;
+  if (node.IsDefined() && node.IsSequence() && node.size() > 0 && node[0].IsSequence()) {
+    if (node.size() > 4) fail(key, expected);
+    for (const auto& row : node) {
+      if (!row.IsSequence() || row.size() != 4) fail(key, described(row) + " for a row", "rows of four numbers");
+      for (const auto& item : row) {
+        rows.emplace_back();
+        if (!scalar_number(item, &rows.back())) fail(key, described(item), "a finite number");
+      }
+    }
+  } else {
+    rows = numbers(key);
+  }
+  if (rows.size() != 12 && rows.size() != 16) fail(key, std::to_string(rows.size()) + " numbers", expected);
+  if (rows.size() == 16 && (rows[12] != 0 || rows[13] != 0 || rows[14] != 0 || rows[15] != 1))
+    fail(key, "a last row that is not 0 0 0 1", "a rigid transform");
+  RigidTransform transform;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column)
+      transform.R(row, column) = rows[static_cast<std::size_t>(4 * row + column)];
+    transform.t(row) = rows[static_cast<std::size_t>(4 * row + 3)];
+  }
+  const double off = (transform.R * transform.R.transpose() - Eigen::Matrix3d::Identity()).norm();
+  if (!(off < 1e-4) || transform.R.determinant() < 0)
+    fail(key, "a matrix that is no rotation", "a rotation in the first three columns");
+  if (off > 1e-12) transform.orthonormalise();  // printed with few digits
+  return transform;
 }
 
 CalibrationNode CalibrationNode::section(const std::string& key) const {

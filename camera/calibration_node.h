@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "core/se3.h"
+
 namespace parallax {
 
 class CalibrationNode {
@@ -29,6 +31,9 @@ class CalibrationNode {
   std::vector<double> numbers(const std::string& key) const;
   std::vector<double> numbers(const std::string& key, std::size_t count, const std::string& expected) const;
   CalibrationNode section(const std::string& key) const;
+  // A rigid transform as the upper three or all four rows of its matrix: one list of numbers, OpenCV's matrix, or a
+  // list of rows. What is not a rotation to 1e-4 is refused; the nearest one is returned.
+  RigidTransform rigid(const std::string& key) const;
 
   // The first key given that is there, or the first of all when none is.
   std::string either(const std::string& key, const std::string& other) const {

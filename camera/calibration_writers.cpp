@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "camera/calibration_file.h"
-#include "camera/calibration_node.h"
 #include "core/error.h"
 #include "core/file_io.h"
 
@@ -244,23 +243,6 @@ std::string format_stereo_calibration(const StereoCalibration& rig) {
 void write_stereo_calibration(const StereoCalibration& rig, const std::string& path) {
   const std::string text = format_stereo_calibration(rig);
   write_file_atomically(path, [&text](std::ostream& out) { out << text; });
-}
-
-StereoCalibration read_stereo_calibration(const std::string& path) {
-  StereoCalibration rig;
-  rig.left = read_calibration(path, 0);
-  rig.right = read_calibration(path, 1);
-  const auto root = load_calibration_yaml(read_text_file(path), path);
-  const std::vector<double> rows = root.numbers("Right.from_left", 12, "12 (three rows of four)");
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column)
-      rig.right_from_left.R(row, column) = rows[static_cast<std::size_t>(4 * row + column)];
-    rig.right_from_left.t(row) = rows[static_cast<std::size_t>(4 * row + 3)];
-  }
-  const Eigen::Matrix3d& R = rig.right_from_left.R;
-  if (!((R * R.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-6) || R.determinant() < 0)
-    root.fail("Right.from_left", "a matrix that is no rotation", "a rotation in the first three columns");
-  return rig;
 }
 
 std::string format_euroc_sensor(const CameraModel& camera, const RigidTransform& body_from_camera, double rate_hz) {

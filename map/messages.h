@@ -98,13 +98,31 @@ struct LoadMapRequest {
   std::promise<LoadMapReply> reply;
 };
 
+// A map that was merged from a copy of the present one and another takes the present one's place; the tracker and
+// whatever stands on the map go on as after a closed loop. What has come to the present map since it was copied is
+// taken along. Refused when that is not possible: another map, a moved world, or too much that has changed.
+struct MergeMapReply {
+  bool ok = false;
+  std::string reason;  // one sentence when refused
+  // The world as the merged map has it, which is re-scaled when only the other map's scale was known.
+  std::uint64_t world_version = 0;
+  WorldState world;
+  std::int32_t keyframe_shift = 0;  // keyframes of the other map have identifiers larger by this than in `merged`
+};
+struct MergeMapRequest {
+  std::shared_ptr<const Map> base;                   // the copy of the present map
+  Map merged;                                        // identifiers of `base` kept; the other map's follow them
+  std::uint64_t map_version = 0, world_version = 0;  // of the copy
+  std::promise<MergeMapReply> reply;
+};
+
 // From now on the present map stays as it is, or adapts again.
 struct AdaptRequest {
   bool adapt = true;
 };
 
 using MapperMessage = std::variant<KeyframeProposal, PointCounts, InitialisationRequest, ResetRequest, ScaleRequest,
-                                   PlaneRequest, LoadMapRequest, AdaptRequest>;
+                                   PlaneRequest, LoadMapRequest, MergeMapRequest, AdaptRequest>;
 
 // The mapper's queue. A message that cannot wait (anything but counts) interrupts the solve in progress. Safe from any
 // thread.

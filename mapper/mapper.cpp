@@ -9,6 +9,7 @@
 #include "mapper/keyframe_insertion.h"
 #include "mapper/map_maintenance.h"
 #include "mapper/map_planes.h"
+#include "mapper/merge_commit.h"
 #include "mapper/point_creation.h"
 #include "mapper/remeasure.h"
 
@@ -125,6 +126,9 @@ void Mapper::handle(MapperMessage message) {
   } else if (auto* load = std::get_if<LoadMapRequest>(&message)) {
     auto reply = std::move(load->reply);
     reply.set_value(load_map(std::move(*load)));
+  } else if (auto* merge = std::get_if<MergeMapRequest>(&message)) {
+    auto reply = std::move(merge->reply);
+    reply.set_value(take_merged(std::move(*merge)));
   } else if (const auto* adapt = std::get_if<AdaptRequest>(&message)) {
     adapts_ = adapt->adapt;
     if (!adapts_) loops_pending_ = false;
@@ -138,6 +142,10 @@ bool Mapper::handle_unadapted(MapperMessage* message) {
     scaling->reply.set_value({false, "this map is locked"});
   } else if (auto* plane = std::get_if<PlaneRequest>(message)) {
     plane->reply.set_value({false, "this map is locked"});
+  } else if (auto* merge = std::get_if<MergeMapRequest>(message)) {
+    MergeMapReply refused;
+    refused.reason = "this map is locked";
+    merge->reply.set_value(std::move(refused));
   } else if (std::holds_alternative<KeyframeProposal>(*message)) {
     ++statistics_.keyframes_refused;
   } else if (!std::holds_alternative<PointCounts>(*message)) {
@@ -155,6 +163,36 @@ LoadMapReply Mapper::load_map(LoadMapRequest request) {
   map_->replace_map(std::move(request.map));
   map_->publish();
   return {true, "", map_->snapshot()->map_version};
+}
+
+MergeMapReply Mapper::take_merged(MergeMapRequest request) {
+  MergeMapReply reply;
+  const MapCopy present = map_->copy();
+  if (present.map_version != request.map_version || present.world_version != request.world_version) {
+    reply.reason = "the map has changed meanwhile";
+    return reply;
+  }
+  MergeCommit commit = rebase_merged(present.map, present.world_from_first, camera_, *request.base, request.merged);
+  if (!commit.reason.empty()) {
+    reply.reason = std::move(commit.reason);
+    return reply;
+  }
+  map_->warp_world(std::move(commit.map), commit.warp);
+  map_->publish();
+  ++statistics_.maps_merged;
+  log::debug("maps merged: ", commit.keyframes_taken_along, " keyframes and ", commit.points_taken_along,
+             " points have come meanwhile");
+  association_.clear();
+  newest_ = commit.newest;
+  local_pending_ = commit.keyframes_taken_along > 0;
+  global_pending_ = association_pending_ = upkeep_pending_ = true;
+  global_rounds_ = 0;
+  const auto snapshot = map_->snapshot();
+  reply.ok = true;
+  reply.world_version = snapshot->world_version;
+  reply.world = snapshot->world();
+  reply.keyframe_shift = commit.keyframe_shift;
+  return reply;
 }
 
 void Mapper::reset() {

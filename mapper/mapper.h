@@ -30,6 +30,7 @@ struct MapperStatistics {
   LoopDetectionStatistics loops;                         // found: those that geometry agreed to
   int loops_closed = 0, loops_refused = 0;
   std::vector<LoopReport> loop_reports;  // the newest 20 at least
+  int maps_merged = 0;
 };
 
 class Mapper {
@@ -66,6 +67,7 @@ class Mapper {
   void reset_work();
   bool handle_unadapted(MapperMessage* message);
   LoadMapReply load_map(LoadMapRequest request);
+  MergeMapReply take_merged(MergeMapRequest request);
   MapEditReply scale(double factor);
 
   CameraModel camera_;

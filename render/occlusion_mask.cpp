@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <string>
+#include <utility>
 
 #include "core/error.h"
+#include "render/occlusion_edges.h"
 
 namespace parallax {
 namespace {
@@ -64,6 +67,23 @@ class GridWalk {
   int square_[2], move_[2];
 };
 
+// The three pixels to the right of one, below it and across, from the four corners, when these lie on one plane or on
+// nothing: inverse depth is linear over the image of a plane.
+bool fill_between(int x, int y, cv::Mat1f* depth) {
+  constexpr float kSameSurface = 1.02f, kFlat = 0.006f;
+  if (x + 2 >= depth->cols || y + 2 >= depth->rows) return false;
+  const float corners[] = {(*depth)(y, x), (*depth)(y, x + 2), (*depth)(y + 2, x), (*depth)(y + 2, x + 2)};
+  const auto [least, most] = std::minmax_element(std::begin(corners), std::end(corners));
+  if (*most == 0) return true;
+  if (!(*least > 0) || *most > kSameSurface * *least) return false;
+  const float a = 1 / corners[0], b = 1 / corners[1], c = 1 / corners[2], d = 1 / corners[3];
+  if (std::abs(a + d - b - c) > kFlat * a) return false;
+  (*depth)(y, x + 1) = 2 / (a + b);
+  (*depth)(y + 1, x) = 2 / (a + c);
+  (*depth)(y + 1, x + 1) = 4 / (a + b + c + d);
+  return true;
+}
+
 }  // namespace
 
 void OcclusionMaskOptions::validate() const {
@@ -73,8 +93,7 @@ void OcclusionMaskOptions::validate() const {
                        expected);
   };
   want(width >= 16, "width", width, "at least 16");
-  want(edge_reach >= 0 && edge_reach <= 16, "edge_reach", edge_reach, "0 to 16");
-  want(edge_noise > 0, "edge_noise", edge_noise, "more than 0");
+  edges.validate();
 }
 
 OcclusionMask::OcclusionMask(const CameraModel& camera, const OcclusionMaskOptions& options)
@@ -166,54 +185,32 @@ cv::Mat1f OcclusionMask::update(const SceneSurface& surface, const RigidTransfor
   if (!(highest_ > 0)) return depth;
   const RigidTransform plane_from_camera = (camera_from_world * surface.world_from_plane).inverse();
   if (!(plane_from_camera.t.z() > 0)) return depth;
-  std::size_t i = 0;
-  for (int y = 0; y < rows_; ++y) {
-    for (int x = 0; x < options_.width; ++x, ++i) {
-      if (rays_[i].z() > 0)
-        depth(y, x) = static_cast<float>(meet(surface, plane_from_camera.t, plane_from_camera.R * rays_[i]));
-    }
-  }
-  if (!image.empty() && options_.edge_reach > 0) align(image, &depth);
+  const auto ask = [&](int x, int y) {
+    const Eigen::Vector3d& ray =
+        rays_[static_cast<std::size_t>(y) * static_cast<std::size_t>(options_.width) + static_cast<std::size_t>(x)];
+    if (ray.z() > 0) depth(y, x) = static_cast<float>(meet(surface, plane_from_camera.t, plane_from_camera.R * ray));
+  };
+  // Every second pixel of every second row, and between them where these do not lie on one plane.
+  for (int y = 0; y < rows_; y += 2)
+    for (int x = 0; x < options_.width; x += 2) ask(x, y);
+  for (int y = 0; y < rows_; y += 2)
+    for (int x = 0; x < options_.width; x += 2)
+      if (!fill_between(x, y, &depth))
+        for (const auto& [right, down] : {std::pair(1, 0), std::pair(0, 1), std::pair(1, 1)})
+          if (x + right < options_.width && y + down < rows_) ask(x + right, y + down);
+  if (!image.empty() && options_.edges.reach > 0) align(plane_from_camera, image, &depth);
   return depth;
 }
 
-void OcclusionMask::align(const GreyImage& image, cv::Mat1f* depth) const {
-  const int reach = static_cast<int>(std::lround(options_.edge_reach));
-  cv::Mat1b stands;
-  cv::compare(*depth, 0, stands, cv::CMP_GT);
-  const int there = cv::countNonZero(stands);
-  if (there == 0 || there == static_cast<int>(stands.total())) return;
+void OcclusionMask::align(const RigidTransform& plane_from_camera, const GreyImage& image, cv::Mat1f* depth) const {
+  cv::Mat1f ground(depth->size()), grey;
+  const Eigen::Vector3d closer = -plane_from_camera.R.row(2).transpose() / plane_from_camera.t.z();
+  for (std::size_t i = 0; i < rays_.size(); ++i)
+    ground(static_cast<int>(i)) = static_cast<float>(std::max(0.0, closer.dot(rays_[i])));
   cv::Mat small;
-  cv::resize(image, small, stands.size(), 0, 0, cv::INTER_AREA);
-  cv::Mat1f guide, mask;
-  small.convertTo(guide, CV_32F);
-  stands.convertTo(mask, CV_32F, 1 / 255.0);
-  const cv::Size window(2 * reach + 1, 2 * reach + 1);
-  const auto mean = [&](const cv::Mat1f& of) {
-    cv::Mat1f out;
-    cv::blur(of, out, window);
-    return out;
-  };
-  const cv::Mat1f mean_guide = mean(guide), mean_mask = mean(mask);
-  const cv::Mat1f variance = mean(guide.mul(guide)) - mean_guide.mul(mean_guide);
-  const cv::Mat1f covariance = mean(guide.mul(mask)) - mean_guide.mul(mean_mask);
-  const cv::Mat1f slope = covariance / (variance + options_.edge_noise * options_.edge_noise);
-  const cv::Mat1f offset = mean_mask - slope.mul(mean_guide);
-  const cv::Mat1f fitted = mean(slope).mul(guide) + mean(offset);
-  // Depth where the outline moved outwards: of the nearest thing in reach.
-  cv::Mat1f nearest = depth->clone();
-  nearest.setTo(std::numeric_limits<float>::max(), *depth <= 0);
-  cv::erode(nearest, nearest, cv::Mat1b::ones(window));
-  for (int y = 0; y < depth->rows; ++y) {
-    for (int x = 0; x < depth->cols; ++x) {
-      float& d = (*depth)(y, x);
-      if (fitted(y, x) < 0.5f) {
-        d = 0;
-      } else if (!(d > 0) && nearest(y, x) < std::numeric_limits<float>::max()) {
-        d = nearest(y, x);
-      }
-    }
-  }
+  cv::resize(image, small, depth->size(), 0, 0, cv::INTER_AREA);
+  small.convertTo(grey, CV_32F);
+  align_to_edges(grey, ground, options_.edges, depth);
 }
 
 }  // namespace parallax

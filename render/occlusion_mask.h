@@ -1,6 +1,6 @@
 // The depth of the real things in the camera's present image, from what the map knows to stand on the plane: for
 // DrawList::occlusion_depth, so that they hide what is virtual and behind them (PTAM §8.2). Outlines are pulled to the
-// image's own edges (a guided filter, He et al. 2010, of what is before the plane).
+// image's own edges (render/occlusion_edges.h).
 //
 // Frames: camera; depth along its z, metres. A few milliseconds of one thread. Not thread-safe.
 #pragma once
@@ -14,14 +14,14 @@
 #include "core/image.h"
 #include "core/se3.h"
 #include "map/scene_surface.h"
+#include "render/occlusion_edges.h"
 
 namespace parallax {
 
 struct OcclusionMaskOptions {
-  int width = 160;         // of the depth image; its height follows from the camera's
-  double edge_reach = 0;   // how far an outline may be moved, pixels of the depth image; 0: not at all
-  double edge_noise = 12;  // of the image, grey levels: weaker edges draw no outline
-  void validate() const;   // throws InputError
+  int width = 320;             // of the depth image; its height follows from the camera's
+  OcclusionEdgeOptions edges;  // reach in pixels of the depth image
+  void validate() const;       // throws InputError
 };
 
 class OcclusionMask {
@@ -35,7 +35,7 @@ class OcclusionMask {
  private:
   void note(const SceneSurface& surface);
   double meet(const SceneSurface& surface, const Eigen::Vector3d& from, const Eigen::Vector3d& along) const;
-  void align(const GreyImage& image, cv::Mat1f* depth) const;
+  void align(const RigidTransform& plane_from_camera, const GreyImage& image, cv::Mat1f* depth) const;
 
   OcclusionMaskOptions options_;
   int rows_ = 0;

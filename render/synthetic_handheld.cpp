@@ -11,7 +11,6 @@ namespace parallax {
 
 namespace {
 
-constexpr double kTick_s = 1 / kSyntheticFps;
 constexpr double kFirst_s = 1000;
 constexpr std::size_t kTruthKept = 36000;
 // Enough for a hand that never rests: 38 days.
@@ -69,14 +68,18 @@ SyntheticHandheld::SyntheticHandheld(const std::string& name, const HandheldOpti
   source_options.colour = options.colour;
   source_ = open_synthetic_source(sequence, source_options, options.threads);
   tremor_ = HandTremor(source_->options().seed);
-  if (path_ == Path::own) return;
+  if (path_ == Path::own) {
+    tick_s_ = 1 / source_->frames_per_second();
+    return;
+  }
   SyntheticOptions endless = source_->options();
   endless.frames = kEndless;
+  endless.fps = kSyntheticFps;
   endless.threads = std::max(endless.threads, options.threads);
   SyntheticMotion motion;
   motion.world_from_camera = [this](int tick, double offset_s) { return world_from_camera(tick, offset_s); };
   motion.label = [](int) { return FrameLabel{}; };
-  motion.gain = [](int tick) { return 1.0 + 0.03 * std::sin(0.31 * tick * kTick_s); };
+  motion.gain = [](int tick) { return 1.0 + 0.03 * std::sin(0.31 * tick / kSyntheticFps); };
   motion.cover = [](int) { return 0.0; };
   source_ = std::make_unique<SyntheticSource>(description_, endless, motion, source_options);
 }
@@ -84,7 +87,7 @@ SyntheticHandheld::SyntheticHandheld(const std::string& name, const HandheldOpti
 SyntheticHandheld::~SyntheticHandheld() = default;
 
 RigidTransform SyntheticHandheld::world_from_camera(int tick, double offset_s) const {
-  const double seconds = tick * kTick_s + offset_s;
+  const double seconds = tick * tick_s_ + offset_s;
   if (path_ == Path::file) return pose_at(script_, seconds);
   return held_.world_from_camera(offset_s) * tremor_.at(seconds);
 }
@@ -97,13 +100,13 @@ std::optional<int> SyntheticHandheld::wait_for_tick() {
   if (options_.realtime) {
     const auto now = SteadyClock::now();
     if (!start_) start_ = now;
-    const int newest = static_cast<int>(std::chrono::duration<double>(now - *start_).count() / kTick_s);
+    const int newest = static_cast<int>(std::chrono::duration<double>(now - *start_).count() / tick_s_);
     if (newest > tick) {
       skipped_ += static_cast<std::uint64_t>(newest - tick);
       tick = newest;
     } else {
       const auto due =
-          *start_ + std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(tick * kTick_s));
+          *start_ + std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(tick * tick_s_));
       if (wake_.wait_until(mutex_, due, [this]() PARALLAX_REQUIRES(mutex_) { return stopped_; })) return std::nullopt;
     }
   }
@@ -114,12 +117,12 @@ std::optional<int> SyntheticHandheld::wait_for_tick() {
 std::optional<Frame> SyntheticHandheld::next() {
   const std::optional<int> tick = wait_for_tick();
   if (!tick) return std::nullopt;
-  hand_.advance(control_.take(), (*tick - tick_) * kTick_s);
+  hand_.advance(control_.take(), (*tick - tick_) * tick_s_);
   held_ = hand_.state();
   tick_ = *tick;
   Frame frame = source_->frame(*tick);
   frame.index = delivered_++;
-  frame.time = from_seconds(kFirst_s + *tick * kTick_s);
+  frame.time = from_seconds(kFirst_s + *tick * tick_s_);
   if (truth_.size() >= kTruthKept) truth_.erase(truth_.begin(), truth_.begin() + kTruthKept / 10);
   truth_.push_back({frame.time, source_->world_from_camera(*tick)});
   MutexLock lock(mutex_);
@@ -140,10 +143,11 @@ CameraStatus SyntheticHandheld::status() const {
   MutexLock lock(mutex_);
   CameraStatus status;
   status.state = deliveries_.empty() ? CameraState::starting : CameraState::streaming;
-  status.requested_fps = kSyntheticFps;
+  status.requested_fps = frames_per_second();
   const auto now = SteadyClock::now();
   for (const auto& time : deliveries_) status.measured_fps += now - time <= std::chrono::seconds(1) ? 1 : 0;
-  if (!deliveries_.empty() && status.measured_fps < 0.8 * kSyntheticFps && now - *start_ > std::chrono::seconds(1))
+  if (!deliveries_.empty() && status.measured_fps < 0.8 * frames_per_second() &&
+      now - *start_ > std::chrono::seconds(1))
     status.fps_reason = "drawing the synthetic scene takes longer than a frame";
   status.skipped = skipped_;
   return status;

@@ -1,6 +1,6 @@
-// A synthetic scene as a live camera held by the user: 30 frames a second as time passes, moved with mouse and keys,
-// with the inertia and tremor of a hand, motion blur and sensor noise, and the exact truth. It stands in for a USB
-// camera where there is none.
+// A synthetic scene as a live camera held by the user: 30 frames a second (its own rate, when it moves by itself) as
+// time passes, moved with mouse and keys, with the inertia and tremor of a hand, motion blur and sensor noise, and the
+// exact truth. It stands in for a USB camera where there is none.
 //
 // A name is that of a synthetic sequence (render/synthetic_source.h), whose scene, lens, noise and seed it takes, with
 // these keys more:
@@ -45,7 +45,7 @@ class SyntheticHandheld final : public LiveCamera {
   // One thread. When drawing is slower than 30 frames a second, frames are left out: the newest is delivered.
   std::optional<Frame> next() override;
   std::vector<SourceWarning> take_warnings() override { return {}; }
-  double frames_per_second() const override { return kSyntheticFps; }
+  double frames_per_second() const override { return 1 / tick_s_; }
   std::string description() const override { return description_; }
   std::optional<CameraModel> calibration() const override;
   // Of the frames delivered so far, the newest 36,000 (20 minutes). From the thread that calls next(), or after stop().
@@ -69,6 +69,7 @@ class SyntheticHandheld final : public LiveCamera {
   HandheldOptions options_;
   Path path_ = Path::hand;
   bool calibrated_ = true;
+  double tick_s_ = 1 / kSyntheticFps;
   Trajectory script_;
   std::unique_ptr<SyntheticSource> source_;
   HandControl control_;

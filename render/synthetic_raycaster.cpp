@@ -23,6 +23,7 @@ namespace {
 constexpr int kPixelOffsets[12][2] = {{-2, -6}, {6, -2}, {-6, 2}, {2, 6}, {1, 5},  {-5, 1},
                                       {-1, -5}, {5, -1}, {3, -7}, {7, 3}, {-3, 7}, {-7, -3}};
 constexpr double kNearMetres = 0.005;
+constexpr int kCastsBetweenLooks = 3;
 constexpr int kStepGroup = 4;  // pixels that share one entry of ray_steps_
 
 void store(const Vector3d& v, float* out) {
@@ -48,6 +49,7 @@ struct RayCaster::Tile {
   alignas(64) float inverse_depth[kTilePixels];
   alignas(64) int ids[kTilePixels];
   float sum[4][kTilePixels];
+  alignas(64) float s[kTilePixels], t[kTilePixels];
 };
 
 RayCaster::RayCaster(std::shared_ptr<const SyntheticScene> scene, const CameraModel& camera, int threads)
@@ -167,7 +169,7 @@ std::vector<RayCaster::CameraSurface> RayCaster::surfaces_in(const RigidTransfor
       store(us - us.dot(p) * w, s.plane.s);
       store(vs - vs.dot(p) * w, s.plane.t);
       const Vector3d outwards = -(surface.u.cross(surface.v)).normalized();
-      s.shade = static_cast<float>(SyntheticScene::shading(outwards));
+      s.shade = static_cast<float>(surface.brightness > 0 ? surface.brightness : SyntheticScene::shading(outwards));
       const Vector3d corner[4] = {p, p + u, p + u + v, p + v};
       for (int k = 0; k < 4; ++k) bounds.add_segment(corner[k], corner[(k + 1) % 4]);
     }
@@ -186,8 +188,20 @@ void RayCaster::cast_tile(const RayTable& table, int tile, const std::vector<Cam
   const float* x = table.x.data() + static_cast<std::ptrdiff_t>(tile) * kTilePixels;
   const float* y = table.y.data() + static_cast<std::ptrdiff_t>(tile) * kTilePixels;
   const TileBounds& b = table.bounds[static_cast<std::size_t>(tile)];
+  // A plane that is farther in all of the tile than whatever is there already is left out: no pixel would change.
+  float farthest = 0;
+  int casts = 0;
+  const float reach_x = std::max(std::abs(b.x0), std::abs(b.x1)), reach_y = std::max(std::abs(b.y0), std::abs(b.y1));
   for (const CameraSurface& s : surfaces) {
     if (s.bounds.x0 > b.x1 || s.bounds.x1 < b.x0 || s.bounds.y0 > b.y1 || s.bounds.y1 < b.y0) continue;
+    if (s.shape != SurfaceShape::cylinder) {
+      constexpr float kRounding = 1e-6f;
+      const float* w = s.plane.w;
+      const float nearest = w[0] * (w[0] > 0 ? b.x1 : b.x0) + w[1] * (w[1] > 0 ? b.y1 : b.y0) + w[2];
+      const float margin = kRounding * (std::abs(w[0]) * reach_x + std::abs(w[1]) * reach_y + std::abs(w[2]));
+      if (nearest + margin < farthest) continue;
+    }
+    if (++casts % kCastsBetweenLooks == 0) farthest = detail::smallest(scratch->inverse_depth, kTilePixels);
     switch (s.shape) {
       case SurfaceShape::rectangle:
         detail::cast_rectangle(x, y, kTilePixels, s.plane, s.id, scratch->inverse_depth, scratch->ids);
@@ -200,6 +214,72 @@ void RayCaster::cast_tile(const RayTable& table, int tile, const std::vector<Cam
         break;
     }
   }
+}
+
+namespace {
+
+// The footprint of a pixel on the picture of a plane, squared texels. sn, tn: where on the picture, 0..1.
+float plane_footprint(const detail::PlaneCoefficients& c, const std::array<float, 4>& step, float sn, float tn, float z,
+                      float width, float height) {
+  const float sx = (c.s[0] - sn * c.w[0]) * z * width, sy = (c.s[1] - sn * c.w[1]) * z * width;
+  const float tx = (c.t[0] - tn * c.w[0]) * z * height, ty = (c.t[1] - tn * c.w[1]) * z * height;
+  const float su = sx * step[0] + sy * step[2], sv = sx * step[1] + sy * step[3];
+  const float tu = tx * step[0] + ty * step[2], tv = tx * step[1] + ty * step[3];
+  return std::max(std::abs(su * tv - sv * tu), 0.25f * std::max(su * su + tu * tu, sv * sv + tv * tv));
+}
+
+// floor(log2(sqrt(footprint * factor))) from the exponent.
+int level_of(float footprint, float lod_factor) {
+  const int exponent = static_cast<int>(std::bit_cast<std::uint32_t>(footprint * lod_factor) >> 23) - 127;
+  return std::clamp(exponent >= 0 ? exponent / 2 : 0, 0, kTextureLevels - 1);
+}
+
+}  // namespace
+
+bool RayCaster::shade_planes(const RayTable& table, int tile, const std::vector<CameraSurface>& surfaces,
+                             float lod_factor, Tile* scratch) const {
+  const float* xs = table.x.data() + static_cast<std::ptrdiff_t>(tile) * kTilePixels;
+  const float* ys = table.y.data() + static_cast<std::ptrdiff_t>(tile) * kTilePixels;
+  const auto* steps = ray_steps_.data() + static_cast<std::ptrdiff_t>(tile) * (kTilePixels / kStepGroup);
+  const int* ids = scratch->ids;
+  for (int i = 0; i < kTilePixels; ++i)
+    if (ids[i] >= 0 && surfaces[static_cast<std::size_t>(ids[i])].shape == SurfaceShape::cylinder) return false;
+  int last_id = -1, last_group = -1, level = 0;
+  for (int begin = 0, end = 0; begin < kTilePixels; begin = end) {
+    const int id = ids[begin];
+    for (end = begin + 1; end < kTilePixels && ids[end] == id;) ++end;
+    if (id < 0) continue;
+    const CameraSurface& surface = surfaces[static_cast<std::size_t>(id)];
+    const auto& c = surface.plane;
+    const float width = static_cast<float>(surface.texture->width()),
+                height = static_cast<float>(surface.texture->height());
+    detail::plane_texels(xs + begin, ys + begin, scratch->inverse_depth + begin, end - begin, c, width, height,
+                         scratch->s + begin, scratch->t + begin);
+    // Stretches of one level.
+    int first = begin, stretch_level = -1;
+    const auto flush = [&](int to) {
+      if (to == first) return;
+      const cv::Mat& grey = surface.texture->grey(stretch_level);
+      detail::add_grey_texels(
+          {grey.data, static_cast<std::ptrdiff_t>(grey.step[0]), surface.texture->scale(stretch_level)},
+          scratch->s + first, scratch->t + first, to - first, surface.shade, scratch->sum[0] + first);
+      first = to;
+    };
+    for (int i = begin; i < end; i = (i / kStepGroup + 1) * kStepGroup) {
+      if (id != last_id || i / kStepGroup != last_group) {
+        const float x = xs[i], y = ys[i], z = 1.0f / scratch->inverse_depth[i];
+        const float sn = (c.s[0] * x + c.s[1] * y + c.s[2]) * z, tn = (c.t[0] * x + c.t[1] * y + c.t[2]) * z;
+        level = level_of(plane_footprint(c, steps[i / kStepGroup], sn, tn, z, width, height), lod_factor);
+        last_id = id, last_group = i / kStepGroup;
+      }
+      if (level != stretch_level) {
+        flush(i);
+        stretch_level = level;
+      }
+    }
+    flush(end);
+  }
+  return true;
 }
 
 template <int Channels>
@@ -240,18 +320,10 @@ void RayCaster::shade_tile(const RayTable& table, int tile, const std::vector<Ca
       const auto& c = surface.plane;
       const float sn = (c.s[0] * x + c.s[1] * y + c.s[2]) * z, tn = (c.t[0] * x + c.t[1] * y + c.t[2]) * z;
       s = sn * width, t = tn * height;
-      if (new_level) {
-        const float sx = (c.s[0] - sn * c.w[0]) * z * width, sy = (c.s[1] - sn * c.w[1]) * z * width;
-        const float tx = (c.t[0] - tn * c.w[0]) * z * height, ty = (c.t[1] - tn * c.w[1]) * z * height;
-        const float su = sx * step[0] + sy * step[2], sv = sx * step[1] + sy * step[3];
-        const float tu = tx * step[0] + ty * step[2], tv = tx * step[1] + ty * step[3];
-        footprint = std::max(std::abs(su * tv - sv * tu), 0.25f * std::max(su * su + tu * tu, sv * sv + tv * tv));
-      }
+      if (new_level) footprint = plane_footprint(c, step, sn, tn, z, width, height);
     }
     if (new_level) {
-      // floor(log2(sqrt(footprint * factor))) from the exponent.
-      const int exponent = static_cast<int>(std::bit_cast<std::uint32_t>(footprint * lod_factor) >> 23) - 127;
-      level = std::clamp(exponent >= 0 ? exponent / 2 : 0, 0, kTextureLevels - 1);
+      level = level_of(footprint, lod_factor);
       last_id = id, last_group = i / kStepGroup;
     }
     float value[Channels];
@@ -275,6 +347,7 @@ void RayCaster::render_tile(int tile, std::span<const RayTable* const> tables,
     const auto& surfaces = samples[static_cast<std::size_t>(i)];
     const RayTable& table = *tables[static_cast<std::size_t>(i)];
     cast_tile(table, tile, surfaces, &scratch);
+    if (Channels == 1 && shade_planes(table, tile, surfaces, lod_factor, &scratch)) continue;
     shade_tile<Channels>(table, tile, surfaces, lod_factor, &scratch);
   }
   const float scale = 1.0f / static_cast<float>(n);

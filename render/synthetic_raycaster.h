@@ -62,6 +62,9 @@ class RayCaster {
   template <int Channels>
   void shade_tile(const RayTable& table, int tile, const std::vector<CameraSurface>& surfaces, float lod_factor,
                   Tile* scratch) const;
+  // The same for planes and grey alone, many pixels at a time; false: there is something else in the tile.
+  bool shade_planes(const RayTable& table, int tile, const std::vector<CameraSurface>& surfaces, float lod_factor,
+                    Tile* scratch) const;
   template <int Channels>
   void render_tile(int tile, std::span<const RayTable* const> tables,
                    std::span<const std::vector<CameraSurface>> samples, cv::Mat1f* grey, cv::Mat3f* colour) const;

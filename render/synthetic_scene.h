@@ -27,6 +27,7 @@ struct Surface {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero(), u = Eigen::Vector3d::UnitX(), v = Eigen::Vector3d::UnitY();
   int texture = 0;
   bool two_sided = false;
+  double brightness = 0;  // of a rectangle or disc, above 0: this instead of shading()
 };
 
 struct SurfaceHit {
@@ -72,10 +73,10 @@ class SyntheticScene {
   std::vector<std::shared_ptr<const Texture>> textures_;
 };
 
-// Scenes by name: "desk", "walls", "repeat", "blank", "room", "board", "circle board". The same name and seed give the
-// same scene, and one that is still in use somewhere is shared instead of being painted again. `day`: on each day after
-// day 0 a third of the things on the desk stand elsewhere than the day before (desk only). Callable from any thread.
-// CHECK on any other name.
+// Scenes by name: "desk", "walls", "repeat", "blank", "room", "board", "circle board", "building". The same name and
+// seed give the same scene, and one that is still in use somewhere is shared instead of being painted again. `day`: on
+// each day after day 0 a third of the things on the desk stand elsewhere than the day before (desk and building only).
+// Callable from any thread. CHECK on any other name.
 std::shared_ptr<const SyntheticScene> synthetic_scene(const std::string& name, std::uint64_t seed, int day = 0);
 
 }  // namespace parallax

@@ -7,6 +7,7 @@
 
 #include "core/check.h"
 #include "render/synthetic_board.h"
+#include "render/synthetic_building.h"
 #include "render/synthetic_paint.h"
 
 namespace parallax {
@@ -133,6 +134,7 @@ SyntheticScene build_room_scene(std::uint64_t seed) {
 
 SyntheticScene build_synthetic_scene(const std::string& name, std::uint64_t seed, int day) {
   if (name == "desk") return build_desk_scene(seed, day);
+  if (name == "building") return build_building_scene(seed, day);
   if (name == "walls") return build_walls_scene(seed);
   if (name == "repeat") return build_repeat_scene(seed);
   if (name == "blank") return build_blank_scene();

@@ -9,10 +9,13 @@
 //   blank     nothing but one grey
 //   room      circling in a furnished room, for as long as one likes
 //   board     a calibration board on a table, visited as for a calibration, still at every view (synthetic_board.h)
+//   building  a corridor round a rectangle of 35 by 15 m, and stairs, at 20 frames a second (synthetic_building.h)
 // Keys: seed (scene, motion and noise), walk (another seed for motion and noise), day (of `desk` and what is seen on
-// it: each day a third of the things have been moved), light (brightness factor), frames, lens (pinhole, radtan,
-// kannala_brandt, fov: another lens of about the same width), size (WIDTHxHEIGHT), noise (grey levels), blur (exposure
-// time, milliseconds), threads; of `board` also target (chessboard or circles).
+// it, and of `building`: each day a third of the things have been moved), light (brightness factor), frames, lens
+// (pinhole, radtan, kannala_brandt, fov: another lens of about the same width), size (WIDTHxHEIGHT), noise (grey
+// levels), blur (exposure time, milliseconds), baseline (metres, as a pair of cameras: synthetic_stereo_source.h),
+// threads; of `board` also target (chessboard or circles). Of `building`, walk is 0 to 4 or stairs, start a number of
+// its frames to leave out, and the lens is a pinhole's.
 //
 // Frames are a pure function of name and index: the same on every machine run after run, in any order, with any number
 // of threads, whether or not colour is asked for. Stamped poses are those of the middle of the exposure. World: z up,
@@ -47,6 +50,9 @@ struct SyntheticOptions {
   double exposure_s = 0.010;  // 0: no motion blur
   double noise = 2.0;         // standard deviation of the sensor noise, grey levels
   double vignetting = 0.15;   // loss of light in the image corner, 0..1
+  double nearest_m = 0.5;     // things are hardly ever nearer: how far blur reaches (see samples())
+  double baseline_m = 0.119;  // between the cameras of a pair
+  double fps = kSyntheticFps;
   int threads = 1;
 
   std::uint64_t motion_seed() const { return walk.value_or(seed); }
@@ -62,13 +68,16 @@ class SyntheticSource final : public FrameSource {
   std::optional<Frame> next() override;
   std::vector<SourceWarning> take_warnings() override { return {}; }
   int frame_count() const override;
-  double frames_per_second() const override { return kSyntheticFps; }
+  double frames_per_second() const override { return options_.fps; }
   std::string description() const override { return description_; }
   std::optional<CameraModel> calibration() const override { return options_.camera; }
   std::vector<StampedPose> ground_truth() const override;
 
   // Any frame of the sequence, in any order; does not move next().
   Frame frame(int index);
+  // The same moment seen by another camera with the same lens that is fixed to this one: its picture is `gain` times as
+  // bright, with noise of its own (told apart by `camera`, not 0).
+  Frame frame_beside(int index, const RigidTransform& other_from_camera, double gain, int camera);
   // Depth along z, metres, at the middle of the exposure, through pixel centres; 0 where there is nothing.
   cv::Mat1f depth(int index);
   RigidTransform world_from_camera(int index) const { return motion_.world_from_camera(index, 0.0); }
@@ -81,6 +90,8 @@ class SyntheticSource final : public FrameSource {
   const SyntheticScene& scene() const { return *scene_; }
 
  private:
+  Frame draw(int index, const RigidTransform& other_from_camera, double gain, std::uint64_t noise_seed);
+
   std::string description_;
   SyntheticOptions options_;
   SyntheticMotion motion_;

@@ -47,6 +47,10 @@ class Texture {
     }
   }
 
+  // For loops of their own: a level's grey, with its border (see sample()), and the factor from level 0.
+  const cv::Mat& grey(int level) const { return levels_[static_cast<std::size_t>(level)].grey; }
+  float scale(int level) const { return levels_[static_cast<std::size_t>(level)].scale; }
+
  private:
   struct Level {
     cv::Mat grey;    // CV_8UC1 with border

@@ -283,7 +283,6 @@ TEST(GameStore, ComesBackAndKeepsTheBest) {
   store.occlusion = false;
   store.explained = {"swarm"};
   store.difficulty = GameDifficulty::hard;
-  store.left["swarm"] = "{\"a\": 1}";
   store.settings["burning_glass"]["focal_length"] = 2;
   for (int i = 1; i <= 15; ++i) store.add_score("swarm", GameDifficulty::hard, 10 * i, "2020-01-02");
   EXPECT_EQ(store.add_score("swarm", GameDifficulty::hard, 145, ""), 2);
@@ -298,7 +297,6 @@ TEST(GameStore, ComesBackAndKeepsTheBest) {
   EXPECT_FALSE(back.occlusion);
   EXPECT_EQ(back.explained, std::set<std::string>{"swarm"});
   EXPECT_EQ(back.difficulty, GameDifficulty::hard);
-  EXPECT_EQ(back.left.at("swarm"), "{\"a\": 1}");
   ASSERT_EQ(back.best("swarm", GameDifficulty::hard).size(), GameStore::kScoresKept);
   EXPECT_EQ(back.best("swarm", GameDifficulty::hard)[0].score, 150);
   EXPECT_EQ(back.best("swarm", GameDifficulty::hard)[1].score, 145);
@@ -321,7 +319,6 @@ TEST(GameStore, WhatCannotBeReadIsNone) {
     EXPECT_EQ(store.difficulty, GameDifficulty::normal);
     EXPECT_EQ(store.palette, "okabe_ito");
     EXPECT_TRUE(store.explained.empty());
-    EXPECT_TRUE(store.left.empty());
     EXPECT_TRUE(store.best("swarm", GameDifficulty::easy).empty());
   }
   std::ofstream(path) << "{\"colour_blind_safe\": false}";

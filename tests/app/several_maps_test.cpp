@@ -250,6 +250,8 @@ TEST(MapSaver, IsSwitchedOffInTheSettings) {
   EXPECT_TRUE(parse_user_settings("", "s").keep_maps);
   EXPECT_FALSE(parse_user_settings("keep_maps: false", "s").keep_maps);
   EXPECT_THROW(parse_user_settings("keep_maps: some", "s"), InputError);
+  EXPECT_TRUE(parse_user_settings("", "s").merge_maps);
+  EXPECT_FALSE(parse_user_settings("merge_maps: false", "s").merge_maps);
 }
 
 TEST(MapsPanel, IsGoneThroughWithKeys) {
@@ -345,7 +347,7 @@ CameraModel desk_camera() { return *open_synthetic_source(desk(1))->calibration(
 struct Walk {
   RunResult result;
   std::vector<MapNews> news;
-  int switches = 0;
+  int switches = 0, merges = 0;
 };
 
 Walk walk(const std::vector<JoinedSource::Piece>& pieces, const std::shared_ptr<const MapLibrary>& library) {
@@ -359,6 +361,7 @@ Walk walk(const std::vector<JoinedSource::Piece>& pieces, const std::shared_ptr<
   out.result = run_session(&source, desk_camera(), options, {}, &maps);
   out.news = maps.news();
   out.switches = maps.switches();
+  out.merges = maps.merges();
   return out;
 }
 
@@ -400,6 +403,7 @@ TEST_F(TwoDesks, AreKeptAsTwoMapsAndToldApart) {
   ASSERT_EQ(library_->list().size(), 2U) << news_text(*made_);
   ASSERT_FALSE(first_.empty() || second_.empty());
   EXPECT_EQ(made_->switches, 0) << news_text(*made_);
+  EXPECT_EQ(made_->merges, 0) << "two desks are two";
   for (const std::string& path : {first_, second_}) {
     EXPECT_TRUE(verify_map_file(path).empty());
     // No map has views of both.
@@ -457,6 +461,7 @@ TEST_F(TwoDesks, AreKnownAgainByThemselves) {
   const std::vector<JoinedSource::Piece> pieces{{desk(1), 80, 40}, {desk(2), 80, 50}, {desk(1), 100, 40}};
   const Walk walked = walk(pieces, library);
   EXPECT_EQ(walked.switches, 3) << news_text(walked);
+  EXPECT_EQ(walked.merges, 0) << news_text(walked);
   ASSERT_GE(walked.news.size(), 3U) << news_text(walked);
   EXPECT_EQ(walked.news[0].text, "this is kitchen");
   EXPECT_NE(walked.news[1].text.find("locked"), std::string::npos);

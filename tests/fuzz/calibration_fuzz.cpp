@@ -1,5 +1,6 @@
-// libFuzzer target: no text whatever makes parse_calibration do anything but return a camera or throw InputError.
-// Corpus: tests/fuzz/corpus/calibration.
+// libFuzzer target: no text whatever makes parse_calibration and parse_stereo_calibration do anything but return a
+// camera or a rig, or throw InputError. Corpus: tests/fuzz/corpus/calibration.
+#include <Eigen/LU>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -23,6 +24,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     } catch (const parallax::InputError& error) {
       if (std::string(error.what()).find('\n') != std::string::npos) std::abort();  // one line
     }
+  }
+  try {
+    const parallax::StereoCalibration rig = parallax::parse_stereo_calibration(text, "fuzz", 640, 480);
+    if (!rig.right_from_left.t.allFinite() || !(rig.right_from_left.R.determinant() > 0.99)) std::abort();
+  } catch (const parallax::InputError& error) {
+    if (std::string(error.what()).find('\n') != std::string::npos) std::abort();
   }
   return 0;
 }

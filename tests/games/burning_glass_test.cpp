@@ -1,18 +1,18 @@
-// The burning glass as a game: what burns and what does not, strokes and undo, saving, hostile saves, long random play.
+// The burning glass as a game: what burns and what does not, strokes and undo, the scripted player, long random play,
+// and how it is drawn.
 #include "games/burning_glass.h"
 
 #include <gtest/gtest.h>
 
-#include <array>
+#include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <cstdint>
 #include <numbers>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
+#include <string>
+#include <vector>
 
-#include "core/error.h"
-#include "games/burning_glass_codec.h"
-#include "games/burning_glass_noise.h"
+#include "tests/games/burning_glass_fixture.h"
 
 namespace parallax {
 namespace {
@@ -20,78 +20,16 @@ namespace {
 using burning::Generator;
 using burning::kFullChar;
 using burning::kSheetCells;
-using burning::kSheetSize;
-using burning::LightOnSheet;
-using burning::Material;
-using burning::materials;
-using burning::Sheet;
 using burning::SheetGrid;
 using Eigen::Vector2d;
-using Eigen::Vector3d;
-
-constexpr double kRadius_m = 0.2;
-
-RigidTransform look_at(const Vector3d& eye, const Vector3d& target) {
-  const Vector3d z = (target - eye).normalized();
-  const Vector3d x = z.cross(std::abs(z.y()) > 0.9 ? Vector3d::UnitX().eval() : Vector3d::UnitY().eval()).normalized();
-  Eigen::Matrix3d R;
-  R.row(0) = x;
-  R.row(1) = z.cross(x);
-  R.row(2) = z;
-  return {R, -R * eye};
-}
-
-// The sun overhead.
-GameOptions options_of(int material, std::uint64_t seed = 1) {
-  GameOptions options;
-  options.seed = seed;
-  options.settings = {{"sun_elevation", 90}, {"sun_azimuth", -90}, {"material", material}};
-  return options;
-}
-
-GameInput above(double x, double y, double height) {
-  GameInput input;
-  input.camera_from_plane = look_at({x, y, height}, {x, y, 0});
-  return input;
-}
-
-void play(BurningGlass* game, const GameInput& input, double seconds) {
-  const int ticks = static_cast<int>(std::lround(seconds * kGameTicksPerSecond));
-  for (int i = 0; i < ticks; ++i) game->step(input);
-}
-
-double char_sum(const BurningGlass& game) {
-  double sum = 0;
-  for (const std::uint16_t value : game.sheet().charred()) sum += value;
-  return sum / kFullChar;
-}
-
-double char_at(const BurningGlass& game, double x, double y) {
-  const Vector2d cell = game.grid().cell_at({x, y});
-  return game.sheet().charred()[SheetGrid::index(static_cast<int>(std::lround(cell.x())),
-                                                 static_cast<int>(std::lround(cell.y())))] /
-         static_cast<double>(kFullChar);
-}
-
-GameInput random_input(Generator* generator, const GameInput& last) {
-  GameInput input = last;
-  if (generator->uniform() < 0.02) {
-    input.move = {generator->uniform(-1, 1), generator->uniform(-1, 1)};
-    input.dial = generator->uniform(-1, 1);
-    input.fire = generator->uniform() < 0.2;
-    input.act = generator->uniform() < 0.15;
-  }
-  if (generator->uniform() < 0.03) {
-    input.camera_from_plane.reset();
-    if (generator->uniform() < 0.9) {
-      const Vector3d at(generator->uniform(-0.2, 0.2), generator->uniform(-0.2, 0.2), 0);
-      const Vector3d eye =
-          at + Vector3d(generator->uniform(-0.2, 0.2), generator->uniform(-0.2, 0.2), generator->uniform(-0.05, 0.5));
-      input.camera_from_plane = look_at(eye, at);
-    }
-  }
-  return input;
-}
+using glass_test::above;
+using glass_test::char_at;
+using glass_test::char_sum;
+using glass_test::kRadius_m;
+using glass_test::look_at;
+using glass_test::options_of;
+using glass_test::play;
+using glass_test::random_input;
 
 TEST(BurningGlass, BurnsAtTheFocalLengthWithinASecondAndNotElsewhere) {
   for (int material = 0; material < 3; ++material) {
@@ -124,149 +62,6 @@ TEST(BurningGlass, BurnsAtTheFocalLengthWithinASecondAndNotElsewhere) {
     play(&game, GameInput(), 2);
     EXPECT_EQ(char_sum(game), 0);
   }
-}
-
-// A square of even light, 30 cells wide.
-struct Patch {
-  Sheet sheet;
-  LightOnSheet light;
-  explicit Patch(double suns, std::uint64_t seed = 1) {
-    sheet.clear(seed);
-    light.box = {110, 110, 140, 140};
-    for (int row = 110; row < 140; ++row) {
-      for (int column = 110; column < 140; ++column) {
-        light.concentration[SheetGrid::index(column, row)] = static_cast<float>(suns);
-      }
-    }
-  }
-  // The time until a cell chars; -1: it does not within `most_s`.
-  double time_to_char(const Material& material, double most_s) {
-    for (int tick = 1; tick <= most_s * kGameTicksPerSecond; ++tick) {
-      if (!sheet.advance(material, &light, 1, kGameTick_s).fresh.empty()) return tick * kGameTick_s;
-    }
-    return -1;
-  }
-};
-
-// Each as its substance says: the light that it takes to char it, and how long that takes, by the closed form of
-// dT/dt = w a C - k T, which holds in the middle of a wide patch of light.
-TEST(BurningGlassMaterial, CharsWhereAndWhenItsSubstanceSays) {
-  std::array<double, 3> suns_to_char{}, warming{};
-  for (std::size_t m = 0; m < 3; ++m) {
-    const Material& material = materials()[m];
-    const burning::Substance& substance = burning::substance_of(material.kind);
-    const double capacity = substance.density_kg_m3 * substance.heat_capacity_J_kgK * substance.heated_depth_m;
-    EXPECT_NEAR(material.warming_k_per_s, burning::kHurry * 1000 / capacity, 1e-9) << material.name;
-    EXPECT_NEAR(material.cooling_per_s / material.warming_k_per_s, substance.loss_W_m2K / 1000, 1e-12);
-    // In the steady state the sun's heat is what is lost; time does not matter to it.
-    suns_to_char[m] = material.ignition_k * substance.loss_W_m2K / (1000 * material.absorption);
-    warming[m] = material.warming_k_per_s;
-    // Scorched places take more light: below that, nothing happens.
-    EXPECT_LT(
-        Patch(0.95 * burning::kScorchShare * (1 - material.unevenness) * suns_to_char[m]).time_to_char(material, 5), 0)
-        << material.name;
-    const double suns = 5 * suns_to_char[m], least_k = material.ignition_k * (1 - 0.8 * material.unevenness);
-    const double steady_k = material.warming_k_per_s * material.absorption * suns / material.cooling_per_s;
-    const double expected_s = -std::log(1 - least_k / steady_k) / material.cooling_per_s;
-    EXPECT_NEAR(Patch(suns).time_to_char(material, 5), expected_s, 0.15 * expected_s + kGameTick_s) << material.name;
-  }
-  EXPECT_GT(warming[1], 2 * warming[0]) << "a sheet of paper holds far less heat than a board";
-  EXPECT_GT(warming[0], 1.2 * warming[2]);
-  EXPECT_GT(suns_to_char[1], 1.2 * suns_to_char[0]) << "white paper throws most of the light back";
-  EXPECT_GT(suns_to_char[0], 1.05 * suns_to_char[2]) << "a disc gives way at its glass transition";
-}
-
-TEST(BurningGlassMaterial, PaperSmouldersOnAndGoesOutAndTheOthersDoNot) {
-  for (int material = 0; material < 3; ++material) {
-    double drawn = 0, later = 0;
-    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
-      BurningGlass game;
-      game.start(empty_field(kRadius_m), options_of(material, seed));
-      for (int i = 0; i < 360; ++i) game.step(above(0.16 * (i - 180) / 360, 0, game.focal_length_m()));
-      const double before = char_sum(game);
-      drawn += before;
-      GameInput covered = above(0, 0, game.focal_length_m());
-      covered.fire = true;
-      play(&game, covered, 20);
-      const double out = char_sum(game);
-      later += out;
-      EXPECT_LT(out, 0.12 * kSheetSize) << "it never takes the whole sheet";
-      play(&game, covered, 4);
-      EXPECT_EQ(char_sum(game), out) << material << " " << seed << ": out";
-      EXPECT_EQ(game.sheet().last().hottest_k, 0) << material << " " << seed;
-    }
-    if (material == 1) {
-      EXPECT_GT(later, 1.2 * drawn);
-    } else {
-      EXPECT_LT(later, 1.06 * drawn) << material;
-    }
-  }
-}
-
-TEST(BurningGlassMaterial, LooksAsItself) {
-  std::array<cv::Scalar, 3> mean{}, deviation{};
-  std::array<double, 3> hues{};
-  for (int material = 0; material < 3; ++material) {
-    const auto m = static_cast<std::size_t>(material);
-    BurningGlass game;
-    game.start(empty_field(kRadius_m), options_of(material));
-    for (int i = 0; i < 240; ++i)
-      game.step(above(0.06 * std::cos(0.01 * i), 0.06 * std::sin(0.01 * i), game.focal_length_m()));
-    const cv::Mat4b picture = game.export_picture();
-    cv::Mat alpha, mask;
-    cv::extractChannel(picture, alpha, 3);
-    cv::threshold(alpha, mask, 128, 255, cv::THRESH_BINARY);
-    ASSERT_GT(cv::countNonZero(mask), 100);
-    cv::meanStdDev(picture, mean[m], deviation[m], mask);
-    // How differently the channels go up and down: grey things have none of it.
-    double sum = 0;
-    int count = 0;
-    for (int y = 0; y < picture.rows; ++y) {
-      for (int x = 0; x < picture.cols; ++x) {
-        if (mask.at<std::uint8_t>(y, x) == 0) continue;
-        const cv::Vec4b& p = picture(y, x);
-        sum += std::max({p[0], p[1], p[2]}) - std::min({p[0], p[1], p[2]});
-        ++count;
-      }
-    }
-    hues[m] = sum / count;
-  }
-  const auto brightness = [&](std::size_t m) { return (mean[m][0] + mean[m][1] + mean[m][2]) / 3; };
-  EXPECT_LT(brightness(0), 80) << "wood goes black";
-  EXPECT_LT(brightness(1), 90) << "paper too";
-  EXPECT_GT(brightness(2), 100) << "a disc goes milky";
-  EXPECT_GT(hues[2], 1.3 * hues[0]) << "and shimmers";
-  EXPECT_GT(hues[2], 1.3 * hues[1]);
-  for (const std::size_t channel : {0u, 1u, 2u}) {
-    EXPECT_GT(deviation[2][static_cast<int>(channel)], 40) << "in every colour";
-  }
-}
-
-// Sprites that a few charring cells give off, for each cell's worth of char.
-TEST(BurningGlassMaterial, SmokesAsItself) {
-  std::array<double, 3> smoke{}, sparks{};
-  for (std::size_t m = 0; m < 3; ++m) {
-    Patch patch(400);
-    patch.light.box = {120, 120, 124, 124};
-    burning::Particles particles;
-    particles.clear(1);
-    double charred = 0;
-    Material material = materials()[m];
-    material.spread_k = 0;                   // only the cells in the light
-    for (int tick = 0; tick < 40; ++tick) {  // a third of a second: the smoke is all there yet
-      charred += patch.sheet.advance(material, &patch.light, 1, kGameTick_s).charred;
-      sparks[m] += particles.advance(patch.sheet, material, kGameTick_s);
-    }
-    DrawList list;
-    particles.draw(Eigen::Affine3f::Identity(), kRadius_m, &list);
-    for (const Sprite& sprite : list.sprites) smoke[m] += !sprite.additive;
-    ASSERT_GT(charred, 10);
-    smoke[m] /= charred;
-  }
-  EXPECT_GT(smoke[1], 1.3 * smoke[0]) << "paper smokes most";
-  EXPECT_GT(smoke[0], 1.5 * smoke[2]);
-  EXPECT_GT(sparks[0], 0);
-  EXPECT_EQ(sparks[2], 0) << "plastic has no sparks";
 }
 
 TEST(BurningGlass, ACircleOfTheCameraLeavesACircle) {
@@ -386,129 +181,6 @@ TEST(BurningGlass, ScriptedPlayerTurnsTheSunAndBurns) {
     EXPECT_FALSE(game.take_sounds().empty());
     EXPECT_TRUE(game.take_sounds().empty());
   }
-}
-
-TEST(BurningGlass, SameSeedAndInputsGiveTheSameStateAndASavedGameGoesOnAsTheFirst) {
-  BurningGlass first, second, third;
-  const PlayingField field = empty_field(kRadius_m);
-  first.start(field, options_of(1, 5));
-  second.start(field, options_of(1, 5));
-  third.start(field, options_of(2, 6));
-  Generator generator(17);
-  GameInput input;
-  std::size_t most_strokes = 0;
-  for (int i = 0; i < 30 * kGameTicksPerSecond; ++i) {
-    if (i % 1200 == 0) {
-      for (BurningGlass* game : {&first, &second}) game->set("sun_elevation", 90);
-    }
-    input = i % 1200 < 500 ? above(0.1 * std::sin(0.004 * i), 0.05, first.focal_length_m())
-                           : random_input(&generator, input);
-    first.step(input);
-    second.step(input);
-    most_strokes = std::max(most_strokes, first.stroke_count());
-    if (i % 301 == 0) {
-      ASSERT_EQ(first.state_hash(), second.state_hash()) << i;
-      const std::string text = first.save();
-      third.restore(text, field);
-      ASSERT_EQ(third.state_hash(), first.state_hash()) << i;
-      ASSERT_EQ(third.save(), text);
-      std::swap(second, third);
-    }
-  }
-  EXPECT_EQ(first.state_hash(), second.state_hash());
-  EXPECT_GT(most_strokes, 0u);
-  EXPECT_EQ(cv::norm(first.export_picture(), second.export_picture(), cv::NORM_INF), 0);
-  BurningGlass other;
-  other.start(field, options_of(1, 6));
-  EXPECT_NE(other.state_hash(), first.state_hash());
-}
-
-TEST(BurningGlass, RefusesWhatIsNotASaveAndStaysAsItWas) {
-  BurningGlass game;
-  game.start(empty_field(kRadius_m), options_of(1));
-  play(&game, above(0, 0, game.focal_length_m()), 1);
-  play(&game, above(0, 0, 2 * game.focal_length_m()), 2);
-  play(&game, above(0.05, 0, game.focal_length_m()), 1);
-  const std::string good = game.save();
-  const std::uint64_t hash = game.state_hash();
-  const auto refused = [&](const std::string& text) {
-    try {
-      game.restore(text, empty_field(kRadius_m));
-    } catch (const InputError& error) {
-      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
-      EXPECT_LT(std::string(error.what()).size(), 200u);
-      EXPECT_EQ(game.state_hash(), hash);
-      return true;
-    }
-    return false;
-  };
-  for (const char* text : {"", "{", "[]", "null", "{}", "{\"game\":\"swarm\"}", "\xff\xfe", "{\"game\":{\"\n\":1}}"}) {
-    EXPECT_TRUE(refused(text)) << text;
-  }
-  EXPECT_TRUE(refused(std::string(100'000, '[')));
-  EXPECT_TRUE(refused(std::string(5u << 20, ' ')));
-  const nlohmann::json state = nlohmann::json::parse(good);
-  for (const auto& [key, value] : state.items()) {
-    nlohmann::json broken = state;
-    broken.erase(key);
-    EXPECT_TRUE(refused(broken.dump())) << key;
-    for (const nlohmann::json& wrong : {nlohmann::json(-7), nlohmann::json(1e300), nlohmann::json("AAAA"),
-                                        nlohmann::json(nullptr), nlohmann::json::array({1, "x"})}) {
-      broken[key] = wrong;
-      EXPECT_TRUE(refused(broken.dump())) << key << " " << wrong;
-    }
-  }
-  // Layers of the wrong length, with values that cannot be, and truncated ones.
-  const auto with = [&](const char* key, const nlohmann::json& value) {
-    nlohmann::json broken = state;
-    broken[key] = value;
-    return broken.dump();
-  };
-  EXPECT_TRUE(refused(with("char", burning::encode_layer(std::vector<std::uint16_t>(kSheetSize + 1, 3)))));
-  EXPECT_TRUE(refused(with("char", burning::encode_layer(std::vector<std::uint16_t>(kSheetSize - 1, 3)))));
-  for (const float value : {-1.0f, 1e9f, std::nanf("")}) {
-    EXPECT_TRUE(refused(with("temperature", burning::encode_layer(std::vector<float>(kSheetSize, value)))));
-  }
-  EXPECT_TRUE(refused(with("strokes", {burning::encode_cells({{70'000, 1}})})));
-  EXPECT_TRUE(refused(with("strokes", std::vector<std::string>(1000, ""))));
-  // Any damage to the text is refused or is another state that can be played.
-  Generator generator(3);
-  int accepted = 0;
-  for (int i = 0; i < 100; ++i) {
-    std::string text = good;
-    text[generator.next() % text.size()] = static_cast<char>(generator.next() % 256);
-    if (i % 3 == 0) text.resize(generator.next() % text.size());
-    BurningGlass other;
-    try {
-      other.restore(text, empty_field(kRadius_m));
-      play(&other, above(0, 0, 0.3), 0.05);
-      other.undo();
-      ++accepted;
-    } catch (const InputError&) {
-    }
-  }
-  EXPECT_LT(accepted, 100);
-  game.restore(good, empty_field(kRadius_m));
-  EXPECT_EQ(game.state_hash(), hash);
-}
-
-TEST(BurningGlass, LayersComeBackFromTheirText) {
-  Generator generator(8);
-  for (int kind = 0; kind < 4; ++kind) {
-    std::vector<std::uint16_t> values(3001);
-    for (auto& value : values) {
-      value = static_cast<std::uint16_t>(kind == 0 ? 0 : kind == 1 ? generator.next() : generator.next() % 40 / 38);
-    }
-    std::vector<std::uint16_t> back;
-    ASSERT_TRUE(burning::decode_layer(burning::encode_layer(values), values.size(), &back));
-    EXPECT_EQ(back, values);
-    EXPECT_FALSE(burning::decode_layer(burning::encode_layer(values), values.size() + 1, &back));
-  }
-  std::vector<std::uint8_t> bytes;
-  ASSERT_TRUE(burning::from_base64("TWFueQ==", &bytes));
-  EXPECT_EQ(std::string(bytes.begin(), bytes.end()), "Many");
-  EXPECT_EQ(burning::base64(bytes), "TWFueQ==");
-  for (const char* text : {"TWF", "TWF*", "=AAA", "TW=u"}) EXPECT_FALSE(burning::from_base64(text, &bytes)) << text;
 }
 
 // Long trials: bench/game_endurance.
