@@ -48,8 +48,8 @@ std::string apart_line(const MergedPair& pair) {
 }  // namespace
 
 void note_merge(const MapLibrary& library, const std::string& merged, const MergedPair& pair) {
-  const std::string base = library.remove(pair.base);
   const std::string other = library.remove(pair.other, true);
+  const std::string base = library.remove(pair.base);
   write_lines({file_name(base), file_name(other)}, record_of(merged));
 }
 

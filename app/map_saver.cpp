@@ -300,7 +300,7 @@ std::string MapSaver::merge_map(const MapDocument& merged, const std::function<s
 void MapSaver::take_over(const MapDocument& merged, const MergedIn& in) {
   MutexLock lock(mutex_);
   path_ = target_->path;
-  name_ = merged.name;
+  if (name_.empty()) name_ = merged.name;
   merged_from_ = merged.merged_from;
   if (extras_.map_version != target_->map_version) extras_ = {};
   extras_.content = in_world(extras_, in.world);

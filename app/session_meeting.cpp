@@ -106,6 +106,7 @@ void SessionMaps::merge_with(const FoundMap& found, const Seen& seen) {
     if (!stop->stop_requested()) later();
     return;
   }
+  if (is_locked_map(found.path)) return;
   MapDocument& merged = result.document;
   merged.merged_from = merge_origin(own_path, present.document);
   for (std::string& line : merge_origin(found.path, *found.document)) merged.merged_from.push_back(std::move(line));

@@ -99,8 +99,7 @@ void add_slam_command(CLI::App& app, int* exit_code) {
   auto args = std::make_shared<SlamArguments>();
   CLI::App* command = app.add_subcommand("slam", "Stereo visual SLAM on a recording of two cameras, headless");
   command
-      ->add_option("source", args->source,
-                   "Folder of a stereo data set (EuRoC or KITTI layout), or synthetic:building")
+      ->add_option("source", args->source, "Folder of a stereo data set (EuRoC or KITTI layout), or synthetic:building")
       ->required();
   command->add_option("--calibration", args->calibration,
                       "Calibration file of both cameras (Kalibr); default: the one the source carries");

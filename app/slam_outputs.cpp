@@ -24,7 +24,8 @@ Times times_of(std::vector<double> ms) {
   if (ms.empty()) return out;
   std::sort(ms.begin(), ms.end());
   for (const double value : ms) out.mean += value / static_cast<double>(ms.size());
-  for (const double value : ms) out.variance += (value - out.mean) * (value - out.mean) / static_cast<double>(ms.size());
+  for (const double value : ms)
+    out.variance += (value - out.mean) * (value - out.mean) / static_cast<double>(ms.size());
   const auto at = [&](double part) {
     return ms[static_cast<std::size_t>(part * static_cast<double>(ms.size() - 1) + 0.5)];
   };
@@ -35,8 +36,8 @@ Times times_of(std::vector<double> ms) {
 }
 
 nlohmann::json to_json(const Times& t) {
-  return {{"count", t.count}, {"mean", t.mean},   {"variance", t.variance},
-          {"median", t.median}, {"p99", t.p99}, {"worst", t.worst}};
+  return {{"count", t.count},   {"mean", t.mean}, {"variance", t.variance},
+          {"median", t.median}, {"p99", t.p99},   {"worst", t.worst}};
 }
 
 struct SlamTimes {
@@ -118,7 +119,8 @@ void write_slam_graph(const SlamResult& result, const std::string& path) {
 
 void write_slam_timing_csv(const SlamResult& result, const std::string& path) {
   write_file_atomically(path, [&](std::ostream& out) {
-    out << "frame,state,reference,tracks,inliers,right_matches,hypotheses,keyframe,rectification_ms,feature_tracking_ms,"
+    out << "frame,state,reference,tracks,inliers,right_matches,hypotheses,keyframe,rectification_ms,feature_tracking_"
+           "ms,"
            "odometry_ms\n"
         << std::fixed << std::setprecision(4);
     for (const SlamFrame& f : result.frames)
@@ -152,9 +154,8 @@ void write_slam_report_json(const SlamResult& result, const SlamReportContext& c
                         {"keyframe_distance_m", context.options->tracker.keyframe_distance_m},
                         {"keyframe_angle_rad", context.options->tracker.keyframe_angle_rad},
                         {"seed", context.options->tracker.seed}};
-  report["frames"] = {{"read", result.frames_read},       {"dropped", result.frames_dropped},
-                      {"started", counts.started},        {"tracked", counts.tracked},
-                      {"few_features", counts.few_features}, {"failed", counts.failed}};
+  report["frames"] = {{"read", result.frames_read}, {"dropped", result.frames_dropped},    {"started", counts.started},
+                      {"tracked", counts.tracked},  {"few_features", counts.few_features}, {"failed", counts.failed}};
   report["failures"] = result.failures;
   report["wall_seconds"] = result.wall_seconds;
   report["map"] = {{"poses", result.keyframes.size()},
@@ -162,12 +163,10 @@ void write_slam_report_json(const SlamResult& result, const SlamReportContext& c
                    {"points", result.points.size()},
                    {"windows", result.windows},
                    {"path_m", path_length(result.keyframes)}};
-  report["times_ms"] = {{"rectification", to_json(times.rectification)},
-                        {"feature_tracking", to_json(times.tracking)},
-                        {"stereo_odometry", to_json(times.odometry)},
-                        {"frame", to_json(times.frame)},
-                        {"windowed_bundle_adjustment", to_json(times.window)},
-                        {"covariances", to_json(times.covariance)}};
+  report["times_ms"] = {
+      {"rectification", to_json(times.rectification)},       {"feature_tracking", to_json(times.tracking)},
+      {"stereo_odometry", to_json(times.odometry)},          {"frame", to_json(times.frame)},
+      {"windowed_bundle_adjustment", to_json(times.window)}, {"covariances", to_json(times.covariance)}};
   nlohmann::json warnings = nlohmann::json::array();
   for (const SourceWarning& w : result.warnings) warnings.push_back({{"frame", w.frame}, {"text", w.text}});
   report["warnings"] = warnings;

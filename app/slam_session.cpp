@@ -208,8 +208,8 @@ Trajectory SlamResult::final_trajectory() const {
   for (const SlamFrame& frame : frames) {
     const auto reference = static_cast<std::size_t>(frame.result.reference);
     if (!frame.has_pose() || reference >= keyframes.size()) continue;
-    out.push_back({frame.result.time, keyframes[reference].world_from_camera * frame.result.reference_from_camera *
-                                          rectified_from_left});
+    out.push_back({frame.result.time,
+                   keyframes[reference].world_from_camera * frame.result.reference_from_camera * rectified_from_left});
   }
   return out;
 }

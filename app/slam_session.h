@@ -1,5 +1,5 @@
-// One session of the stereo system: rectification, odometry, and the window, at the pace of the time stamps on two threads
-// or in lockstep (MS Fig. 1, the part on the left).
+// One session of the stereo system: rectification, odometry, and the window, at the pace of the time stamps on two
+// threads or in lockstep (MS Fig. 1, the part on the left).
 #pragma once
 
 #include <functional>
@@ -23,7 +23,7 @@ struct SlamOptions {
 };
 
 struct SlamFrame {
-  StereoFrameResult result;            // without the keyframe's measurements and images
+  StereoFrameResult result;  // without the keyframe's measurements and images
   bool is_keyframe = false;
   RigidTransform world_from_reference;  // as it was known at this frame
   double rectification_ms = 0;

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "app/source.h"
 #include "camera/calibration_file.h"
 #include "core/error.h"
 
@@ -10,7 +11,7 @@ namespace parallax {
 StereoInput open_stereo_input(const std::string& source, const std::string& calibration_path,
                               const SourceOptions& options) {
   StereoInput input;
-  input.source = open_stereo_source(source, options);
+  input.source = open_stereo(source, options);
   if (!calibration_path.empty()) {
     input.calibration = read_stereo_calibration(calibration_path);
   } else if (auto carried = input.source->calibration()) {

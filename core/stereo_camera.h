@@ -1,6 +1,6 @@
-// A rectified pair of cameras (MS §3.1): two equal pinholes side by side, rows aligned, the right one `baseline_m` along
-// the left one's x axis. The left camera's frame is the rig's. A stereo measurement is (u_left, u_right, v), in pixels
-// of level 0, as z of MS Eq. 1; u_right is NaN where the right camera did not see the point. A plain value.
+// A rectified pair of cameras (MS §3.1): two equal pinholes side by side, rows aligned, the right one `baseline_m`
+// along the left one's x axis. The left camera's frame is the rig's. A stereo measurement is (u_left, u_right, v), in
+// pixels of level 0, as z of MS Eq. 1; u_right is NaN where the right camera did not see the point. A plain value.
 #pragma once
 
 #include <Eigen/Core>

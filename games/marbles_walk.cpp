@@ -159,7 +159,8 @@ WalkMap make_walk_map(const TableGround& ground, const std::vector<TableRamp>& r
     if (distance_inside(ground.outline, grid.centre(i)) < kRimRoom) continue;
     const int column = grid.column_of(i), row = grid.row_of(i);
     walk.drivable[i] = std::all_of(stencil.begin(), stencil.end(), [&](const StencilCell& at) {
-      return grid.contains(column + at.dx, row + at.dy) && goes_on(walk, i, grid.index(column + at.dx, row + at.dy), at.dx, at.dy);
+      return grid.contains(column + at.dx, row + at.dy) &&
+             goes_on(walk, i, grid.index(column + at.dx, row + at.dy), at.dx, at.dy);
     });
   }
   measure_clearance(&walk);

@@ -28,10 +28,10 @@ struct StereoMeasurement {
 struct StereoKeyframe {
   int index = 0, frame = 0;
   Timestamp time{0};
-  RigidTransform previous_from_this;  // to the keyframe before; the identity for the first
+  RigidTransform previous_from_this;       // to the keyframe before; the identity for the first
   Matrix6d covariance = Matrix6d::Zero();  // of previous_from_this, as odometry has it; left perturbation
-  // The tracker had failed in between (MS §5.1): previous_from_this is a guess of zero motion, the covariance large, and
-  // no track of this keyframe goes back across it.
+  // The tracker had failed in between (MS §5.1): previous_from_this is a guess of zero motion, the covariance large,
+  // and no track of this keyframe goes back across it.
   bool after_failure = false;
   std::vector<StereoMeasurement> measurements;
   GreyImage left, right;  // rectified; shared

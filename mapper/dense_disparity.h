@@ -15,9 +15,9 @@
 namespace parallax {
 
 struct DisparityOptions {
-  double nearest_m =
-      0.6;           // what is nearer is not found; sets the range that is searched, a quarter of the width at most
-  int block_px = 5;  // odd, side of the block that is compared
+  // What is nearer is not found. Sets the range that is searched, at most a quarter of the image's width.
+  double nearest_m = 0.6;
+  int block_px = 5;             // odd, side of the block that is compared
   double left_right_px = 1;     // most the two directions may differ
   int uniqueness_percent = 10;  // by which the best cost beats the second
   int least_speckle_px = 80;    // smaller patches of one disparity are dropped

@@ -107,8 +107,7 @@ WindowProblem StereoWindow::make_problem(std::vector<std::int64_t>* tracks,
     for (std::size_t k = 0; k < observations.size(); ++k) {
       const auto found = row.find(observations[k].track);
       if (found == row.end()) continue;
-      problem.observations.push_back(
-          {static_cast<int>(p), found->second, observations[k].pixel, options_.sigma_px});
+      problem.observations.push_back({static_cast<int>(p), found->second, observations[k].pixel, options_.sigma_px});
       source->emplace_back(static_cast<int>(p), static_cast<int>(k));
     }
   }
@@ -138,7 +137,8 @@ void StereoWindow::smooth(StereoWindowTiming* timing, StereoWindowUpdate* update
     pose = world_from_origin * problem.poses[p].inverse();
     pose.orthonormalise();
   }
-  for (std::size_t i = 0; i < tracks.size(); ++i) points_[tracks[i]].world = moved(world_from_origin, problem.points[i]);
+  for (std::size_t i = 0; i < tracks.size(); ++i)
+    points_[tracks[i]].world = moved(world_from_origin, problem.points[i]);
   // What does not fit is forgotten; a track that no longer fits where it was seen last is not worth following.
   std::set<std::int64_t> gone;
   std::vector<std::vector<int>> wrong(window_.size());
@@ -162,7 +162,8 @@ void StereoWindow::smooth(StereoWindowTiming* timing, StereoWindowUpdate* update
     update->points.push_back({o.track, moved(newest_from_world, point.world), point.poses, false});
   }
   for (const std::int64_t track : gone) update->points.push_back({track, {0, 0, 1, 0}, 0, true});
-  std::sort(update->points.begin(), update->points.end(), [](const auto& a, const auto& b) { return a.track < b.track; });
+  std::sort(update->points.begin(), update->points.end(),
+            [](const auto& a, const auto& b) { return a.track < b.track; });
   timing->smoothing_ms = milliseconds_since(begin);
 }
 

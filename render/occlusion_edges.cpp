@@ -166,8 +166,8 @@ class EdgeAlignment {
         if (nearest(y, x) < 0) continue;
         const OutlinePlace& place = places_[static_cast<std::size_t>(nearest(y, x))];
         const float side = place.normal.dot(Eigen::Vector2f(static_cast<float>(x), static_cast<float>(y)) - place.at);
-        if (side > 0 && side < place.moves) (*depth_)(y, x) = place.near;
-        if (side < 0 && side > place.moves) (*depth_)(y, x) = place.far;
+        if (side > 0 && side <= place.moves) (*depth_)(y, x) = place.near;
+        if (side < 0 && side >= place.moves) (*depth_)(y, x) = place.far;
       }
     }
   }

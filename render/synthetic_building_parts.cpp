@@ -55,13 +55,13 @@ void BuildingParts::paint_stock() {
     return scene_.add_texture(painter(texture_size(w, h), rng));
   };
   for (int kind = 0; kind < paint::kWallKinds; ++kind)
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 3; ++i)
       walls_[static_cast<std::size_t>(kind)].push_back(picture(448, 544, [&](cv::Size s, cv::RNG& rng) {
         return paint::corridor_wall(static_cast<paint::WallKind>(kind), s, s.height / kCorridorHeight, rng);
       }));
   for (int kind = 0; kind < paint::kFloorKinds; ++kind)
-    for (int i = 0; i < 4; ++i)
-      floors_[static_cast<std::size_t>(kind)].push_back(picture(512, 512, [&](cv::Size s, cv::RNG& rng) {
+    for (int i = 0; i < 3; ++i)
+      floors_[static_cast<std::size_t>(kind)].push_back(picture(448, 448, [&](cv::Size s, cv::RNG& rng) {
         return paint::corridor_floor(static_cast<paint::FloorKind>(kind), s.width, 8, rng);
       }));
   for (int i = 0; i < 3; ++i)
@@ -138,7 +138,7 @@ void BuildingParts::wall_bay(const WallLine& wall, double at, paint::WallKind ki
 void BuildingParts::wall_part(const WallLine& wall, double at, double bottom, double width, double height,
                               paint::WallKind kind) {
   // Cut out of a picture of a whole wall, so that bricks keep their size.
-  constexpr double kPx = 200;
+  constexpr double kPx = 160;  // a little coarser than the stock, for there are many
   cv::RNG rng = generator(20'000 + static_cast<std::uint64_t>(scene_.surfaces().size()));
   const double wide = std::max(width, kBay), high = std::max(bottom + height, kCorridorHeight);
   const cv::Size all(static_cast<int>(wide * kPx), static_cast<int>(high * kPx));
@@ -244,7 +244,7 @@ void BuildingParts::furnish(const WallLine& wall, double at, int slot, bool outs
     door(wall, at, slot);
   else if (kind < 6 && outside)
     window(wall, at, slot);
-  else if (kind < 9)
+  else if (kind >= 6 && kind < 9)
     notices(wall, at, slot);
   else if (kind < 11)
     clutter(wall, at, slot);

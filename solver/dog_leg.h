@@ -26,8 +26,8 @@ inline DogLegStep dog_leg_blend(const DogLegInner& in, double along_d, double al
   DogLegStep step;
   step.along_d = along_d;
   step.along_h = along_h;
-  step.length = std::sqrt(
-      std::max(0.0, along_d * along_d * in.dd + 2 * along_d * along_h * in.dh + along_h * along_h * in.hh));
+  step.length =
+      std::sqrt(std::max(0.0, along_d * along_d * in.dd + 2 * along_d * along_h * in.dh + along_h * along_h * in.hh));
   // h^T H h = -g h and d^T H h = -g d.
   step.gain = -(along_d * in.gd + along_h * in.gh) -
               0.5 * (along_d * along_d * in.d_h_d - 2 * along_d * along_h * in.gd - along_h * along_h * in.gh);

@@ -62,8 +62,7 @@ bool project_homogeneous(const StereoCamera& camera, const RigidTransform& camer
   if (d_point) {
     const Matrix43d tangent = sphere_tangent(point);
     Matrix43d moved;
-    moved.topRows<3>() =
-        camera_from_window.R * tangent.topRows<3>() + camera_from_window.t * tangent.bottomRows<1>();
+    moved.topRows<3>() = camera_from_window.R * tangent.topRows<3>() + camera_from_window.t * tangent.bottomRows<1>();
     moved.bottomRows<1>() = tangent.bottomRows<1>();
     *d_point = d_camera * moved;
   }

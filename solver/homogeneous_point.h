@@ -1,7 +1,7 @@
-// Points as homogeneous four-vectors (x, y, z, w) of unit norm, and how they and unit quaternions are moved (McDonald et
-// al., multi-session visual SLAM, section 4; the exponential map is Grassia's, 1998). The unit sphere of R^4 is a group
-// under the quaternion product, with (x, y, z) as the vector and w as the scalar part, and covers both the points of
-// projective space and the rotations twice: p and -p are one.
+// Points as homogeneous four-vectors (x, y, z, w) of unit norm, and how they and unit quaternions are moved (McDonald
+// et al., multi-session visual SLAM, section 4; the exponential map is Grassia's, 1998). The unit sphere of R^4 is a
+// group under the quaternion product, with (x, y, z) as the vector and w as the scalar part, and covers both the points
+// of projective space and the rotations twice: p and -p are one.
 //
 // A Euclidean point is lambda (x, y, z, 1); w = 0 is a point at infinity, a direction. Frames and units are the
 // caller's. Plain functions, safe from any thread.

@@ -17,9 +17,9 @@ constexpr double kFar = 1e-3;                // w below this: too far for the th
 constexpr int kLeastAgreeing = 6;
 
 struct Residual {
-  Eigen::Vector3d r;           // predicted minus measured
+  Eigen::Vector3d r;            // predicted minus measured
   Eigen::Matrix3d information;  // sigma and the uncertain depth
-  double squared = 0;          // Mahalanobis
+  double squared = 0;           // Mahalanobis
   int dimensions = 3;
 };
 
@@ -36,7 +36,7 @@ bool residual_of(const StereoCamera& camera, const StereoPoseObservation& o, con
   out->dimensions = both ? 3 : 2;
   // d(u, u_right, v) / dx
   Eigen::Matrix3d d;
-  d << fx * iz, 0, -fx * x.x() * iz * iz,  //
+  d << fx * iz, 0, -fx * x.x() * iz * iz,                                            //
       both ? fx * iz : 0, 0, both ? (-fx * x.x() + fb * o.point.w()) * iz * iz : 0,  //
       0, fy * iz, -fy * x.y() * iz * iz;
   // d / dw: through the translation, and through the disparity itself.

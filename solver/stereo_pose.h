@@ -1,9 +1,10 @@
-// The motion of a rectified stereo pair from tracked points (MS §3.1): the three-point algorithm in RANSAC (Fischler and
-// Bolles 1981), then Levenberg-Marquardt on the reprojection error in both images, with covariance.
+// The motion of a rectified stereo pair from tracked points (MS §3.1): the three-point algorithm in RANSAC (Fischler
+// and Bolles 1981), then Levenberg-Marquardt on the reprojection error in both images, with covariance.
 //
 // Points are homogeneous (w = 0: at infinity) in the reference frame, poses are camera_from_reference. How far a point
-// is away is itself uncertain: `sigma_w` is marginalised in every residual, so that distant points tell the rotation and
-// do not bias the translation. Arrays in, numbers out; deterministic for a given generator state; safe from any thread.
+// is away is itself uncertain: `sigma_w` is marginalised in every residual, so that distant points tell the rotation
+// and do not bias the translation. Arrays in, numbers out; deterministic for a given generator state; safe from any
+// thread.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,7 +27,7 @@ struct StereoPoseObservation {
 
 struct StereoPoseOptions {
   int max_hypotheses = 200;
-  double inlier_sigmas = 5;    // agreement within RANSAC
+  double inlier_sigmas = 5;  // agreement within RANSAC
   double miss_probability = 1e-3;
   int iterations = 12;
   double min_scale = 0.5;  // of the robust scale, in units of sigma_px

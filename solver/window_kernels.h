@@ -1,5 +1,6 @@
 // The inner loops of the windowed bundle adjustment, compiled once for each instruction set and chosen at run time
-// (core/cpu_dispatch.h). Plain arrays in, plain arrays out; nothing here allocates, waits or throws. Internal to solver/.
+// (core/cpu_dispatch.h). Plain arrays in, plain arrays out; nothing here allocates, waits or throws. Internal to
+// solver/.
 //
 // Blocks of a pose are six rows (columns) padded to eight: column 6 carries the right-hand side along, 7 is zero. What
 // couples a pose that is adjusted and a point is an edge: three rows of eight. Edges are sorted by point and then by
@@ -41,7 +42,7 @@ struct WindowJob {
   double* edges = nullptr;        // kWindowEdgeStride an edge
   double* point_data = nullptr;   // kWindowPointStride a point
   double* pose_blocks = nullptr;  // J^T W J and, in column 6, J^T W r
-  double* reduced = nullptr;      // blocks of the lower triangle, row * (row + 1) / 2 + column: minus what is eliminated
+  double* reduced = nullptr;  // blocks of the lower triangle, row * (row + 1) / 2 + column: minus what is eliminated
 };
 
 struct WindowKernels {

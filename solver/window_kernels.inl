@@ -1,21 +1,28 @@
 // The loops of window_kernels.h. Included inside an instruction set's namespace, after simd_lanes.inl.
 
+#if PARALLAX_LANES >= 4
+using RowPart = Vec4;
+#else
+using RowPart = Vec2;  // GCC 12 takes wider ones apart through memory
+#endif
+inline constexpr int kPartSize = sizeof(RowPart) / sizeof(double), kRowParts = 8 / kPartSize;
+typedef RowPart RowPartUnaligned __attribute__((aligned(8), may_alias));
+
 struct Row8 {
-  Vec4 a, b;
+  RowPart part[kRowParts];
   PARALLAX_INLINE static Row8 load(const double* p) {
-    return {*reinterpret_cast<const Vec4Unaligned*>(p), *reinterpret_cast<const Vec4Unaligned*>(p + 4)};
+    Row8 row{};
+    for (int i = 0; i < kRowParts; ++i) row.part[i] = *reinterpret_cast<const RowPartUnaligned*>(p + i * kPartSize);
+    return row;
   }
   PARALLAX_INLINE void store(double* p) const {
-    *reinterpret_cast<Vec4Unaligned*>(p) = a;
-    *reinterpret_cast<Vec4Unaligned*>(p + 4) = b;
+    for (int i = 0; i < kRowParts; ++i) *reinterpret_cast<RowPartUnaligned*>(p + i * kPartSize) = part[i];
   }
   PARALLAX_INLINE void add(double s, const Row8& r) {
-    add_product(a, s, r.a);
-    add_product(b, s, r.b);
+    for (int i = 0; i < kRowParts; ++i) add_product(part[i], s, r.part[i]);
   }
   PARALLAX_INLINE void subtract(double s, const Row8& r) {
-    subtract_product(a, s, r.a);
-    subtract_product(b, s, r.b);
+    for (int i = 0; i < kRowParts; ++i) subtract_product(part[i], s, r.part[i]);
   }
 };
 
@@ -86,12 +93,9 @@ PARALLAX_INLINE void add_observation(const WindowJob& job, const WindowObservati
   const double tangent[9] = {p[3], -p[2], p[1], p[2], p[3], -p[0], -p[1], p[0], p[3]};
   double left[3], right[3], down[3];
   for (int c = 0; c < 3; ++c) {
-    const double x =
-        pose[0] * tangent[c] + pose[1] * tangent[3 + c] + pose[2] * tangent[6 + c] - pose[9] * p[c];
-    const double y =
-        pose[3] * tangent[c] + pose[4] * tangent[3 + c] + pose[5] * tangent[6 + c] - pose[10] * p[c];
-    const double z =
-        pose[6] * tangent[c] + pose[7] * tangent[3 + c] + pose[8] * tangent[6 + c] - pose[11] * p[c];
+    const double x = pose[0] * tangent[c] + pose[1] * tangent[3 + c] + pose[2] * tangent[6 + c] - pose[9] * p[c];
+    const double y = pose[3] * tangent[c] + pose[4] * tangent[3 + c] + pose[5] * tangent[6 + c] - pose[10] * p[c];
+    const double z = pose[6] * tangent[c] + pose[7] * tangent[3 + c] + pose[8] * tangent[6 + c] - pose[11] * p[c];
     left[c] = 0.5 * du * (x - at.x * z);
     right[c] = 0.5 * dr * (x - at.right * z + job.baseline * p[c]);
     down[c] = 0.5 * dv * (y - at.y * z);
@@ -105,9 +109,11 @@ PARALLAX_INLINE void add_observation(const WindowJob& job, const WindowObservati
       {fx * at.w, 0, -fx * at.w * at.x, -fx * at.x * at.y, fx * (1 + at.x * at.x), -fx * at.y},
       {gx * at.w, 0, -gx * at.w * at.right, -gx * at.right * at.y, gx * (1 + at.right * at.x), -gx * at.y},
       {0, fy * at.w, -fy * at.w * at.y, -fy * (1 + at.y * at.y), fy * at.x * at.y, fy * at.x}};
-  Row8 row[3];
-  for (int k = 0; k < 3; ++k)
-    row[k] = {Vec4{j[k][0], j[k][1], j[k][2], j[k][3]}, Vec4{j[k][4], j[k][5], rest[k], 0}};
+  Row8 row[3] = {};
+  for (int k = 0; k < 3; ++k) {
+    const double all[8] = {j[k][0], j[k][1], j[k][2], j[k][3], j[k][4], j[k][5], rest[k], 0};
+    for (int i = 0; i < 8; ++i) row[k].part[i / kPartSize][i % kPartSize] = all[i];
+  }
   double* block = job.pose_blocks + kWindowBlockStride * job.edge_slot[o.edge];
   for (int i = 0; i < 6; ++i) {
     Row8 sum = Row8::load(block + 8 * i);
@@ -157,9 +163,9 @@ PARALLAX_INLINE void eliminate(const WindowJob& job, int first, int last, const 
     z2.add(f[3], w0);
     z2.add(f[4], w1);
     z2.add(f[5], w2);
-    z0.b[2] = data[6];
-    z1.b[2] = data[7];
-    z2.b[2] = data[8];
+    z0.part[6 / kPartSize][6 % kPartSize] = data[6];
+    z1.part[6 / kPartSize][6 % kPartSize] = data[7];
+    z2.part[6 / kPartSize][6 % kPartSize] = data[8];
     z0.store(edge);
     z1.store(edge + 8);
     z2.store(edge + 16);
@@ -216,18 +222,21 @@ void linearise(const WindowJob& job) {
 
 void substitute(const WindowJob& job, const double* steps, double* white) {
   for (int point = 0; point < job.points_count; ++point) {
-    Vec4 sum[3] = {};
+    RowPart sum[3] = {};
     for (int k = job.edge_begin[point]; k < job.edge_begin[point + 1]; ++k) {
       const double* edge = job.edges + kWindowEdgeStride * std::int64_t(k);
       const Row8 step = Row8::load(steps + 8 * job.edge_slot[k]);
       for (int c = 0; c < 3; ++c) {
         const Row8 row = Row8::load(edge + 8 * c);
-        sum[c] += row.a * step.a + row.b * step.b;
+        for (int i = 0; i < kRowParts; ++i) sum[c] += row.part[i] * step.part[i];
       }
     }
     const double* data = job.point_data + kWindowPointStride * point;
-    for (int c = 0; c < 3; ++c)
-      white[3 * point + c] = -(data[6 + c] + (sum[c][0] + sum[c][1]) + (sum[c][2] + sum[c][3]));
+    for (int c = 0; c < 3; ++c) {
+      double total = data[6 + c];
+      for (int i = 0; i < kPartSize; ++i) total += sum[c][i];
+      white[3 * point + c] = -total;
+    }
   }
 }
 

@@ -84,12 +84,11 @@ bool WindowSystem::factor() {
   const double largest = n > 0 ? own.maxCoeff() : 0;
   if (n > 0 && !(largest > 0)) own.setOnes();  // nothing pulls at any pose: they stay
   own = own.cwiseMax(1e-4 * largest);
-  for (double ridge = 0; ridge < 1; ridge = ridge > 0 ? 100 * ridge : 1e-9) {
+  for (double ridge = 0; ridge<1; ridge = ridge> 0 ? 100 * ridge : 1e-9) {
     factor_ = matrix_;
     factor_.diagonal() += ridge * own;
     Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(factor_);
-    if (llt.info() == Eigen::Success &&
-        (factor_.diagonal().array().square() > 1e-13 * own.array()).all()) {
+    if (llt.info() == Eigen::Success && (factor_.diagonal().array().square() > 1e-13 * own.array()).all()) {
       ridge_ = ridge;
       return true;
     }
@@ -131,7 +130,8 @@ bool WindowSystem::find_gauss_newton() {
   return std::isfinite(inner_.hh) && std::isfinite(inner_.gh);
 }
 
-// Steepest descent in the norm of the diagonal blocks M: d = -M^-1 g, d^T H d = g^T M^-1 g + what couples blocks, twice.
+// Steepest descent in the norm of the diagonal blocks M: d = -M^-1 g, d^T H d = g^T M^-1 g + what couples blocks,
+// twice.
 void WindowSystem::find_descent() {
   const std::size_t slots = pose_at_.size(), points = state_.points.size();
   descent_.assign(8 * slots, 0.0);

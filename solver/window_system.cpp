@@ -38,7 +38,8 @@ bool WindowSystem::valid(const WindowProblem& problem, const WindowOptions& opti
     if (!pose.R.allFinite() || !pose.t.allFinite()) return false;
   const int poses = static_cast<int>(problem.poses.size()), points = static_cast<int>(problem.points.size());
   for (const StereoObservation& o : problem.observations) {
-    PARALLAX_CHECK(o.pose >= 0 && o.pose < poses && o.point >= 0 && o.point < points, "observation of no pose or point");
+    PARALLAX_CHECK(o.pose >= 0 && o.pose < poses && o.point >= 0 && o.point < points,
+                   "observation of no pose or point");
     const Eigen::Vector4d& p = problem.points[static_cast<std::size_t>(o.point)];
     if (!std::isfinite(o.pixel.x()) || !std::isfinite(o.pixel.z()) || std::isinf(o.pixel.y()) ||
         !positive(o.sigma_px) || !positive(p.squaredNorm()))
@@ -84,8 +85,8 @@ void WindowSystem::sort_observations() {
   for (std::size_t k = 0; k < all.size(); ++k) {
     const StereoObservation& o = all[static_cast<std::size_t>(order_[k])];
     const bool stereo = !std::isnan(o.pixel.y());
-    observations_[k] = {o.pixel.x(),  stereo ? o.pixel.y() : 0, o.pixel.z(), 1 / o.sigma_px,
-                        stereo ? 1. : 0., o.pose,                   -1};
+    observations_[k] = {o.pixel.x(), stereo ? o.pixel.y() : 0, o.pixel.z(), 1 / o.sigma_px, stereo ? 1. : 0., o.pose,
+                        -1};
   }
 }
 
@@ -259,8 +260,7 @@ double WindowSystem::make_trial(const DogLegStep& step) {
   for (std::size_t i = 0; i < state_.points.size(); ++i) {
     if (observation_begin_[i] == observation_begin_[i + 1]) continue;
     const double* f = point_data_.data() + i * kWindowPointStride;
-    const double y0 = blend(descent_white_, newton_white_, 3 * i),
-                 y1 = blend(descent_white_, newton_white_, 3 * i + 1),
+    const double y0 = blend(descent_white_, newton_white_, 3 * i), y1 = blend(descent_white_, newton_white_, 3 * i + 1),
                  y2 = blend(descent_white_, newton_white_, 3 * i + 2);
     Eigen::Vector3d d(f[0] * y0 + f[1] * y1 + f[3] * y2, f[2] * y1 + f[4] * y2, f[5] * y2);
     if (const double length = d.norm(); length > kLargest) d *= kLargest / length;
@@ -278,8 +278,8 @@ bool WindowSystem::behind(int point, int observation) const {
   const Eigen::Vector4d& p = state_.points[static_cast<std::size_t>(point)];
   const double* r = state_.poses.data() + kWindowPoseStride * o.pose + 6;
   const double z = r[0] * p.x() + r[1] * p.y() + r[2] * p.z() + r[5] * p.w();
-  return !(z > kWindowNearest) || problem_->camera.focal_px.x() * problem_->camera.baseline_m * p.w() / z <
-                                      -options_.beyond_infinity_px;
+  return !(z > kWindowNearest) ||
+         problem_->camera.focal_px.x() * problem_->camera.baseline_m * p.w() / z < -options_.beyond_infinity_px;
 }
 
 void WindowSystem::find_outliers(double sigma, std::vector<std::uint8_t>* outlier) const {

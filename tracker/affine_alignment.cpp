@@ -77,6 +77,42 @@ bool sample_window(const cv::Mat1f& image, const Eigen::Vector2d& centre, const 
   return true;
 }
 
+// The same with each place drawn together by 1 / (1 + perspective . (i, j)).
+bool sample_perspective(const cv::Mat1f& image, const Eigen::Vector2d& centre, const Eigen::Matrix2d& linear,
+                        const Eigen::Vector2d& perspective, float* out) {
+  const double widest = 1 - kWindowHalf * perspective.lpNorm<1>();
+  if (!(widest > 0.5)) return false;
+  const double reach_x = kWindowHalf * (std::abs(linear(0, 0)) + std::abs(linear(0, 1))) / widest;
+  const double reach_y = kWindowHalf * (std::abs(linear(1, 0)) + std::abs(linear(1, 1))) / widest;
+  if (!(centre.x() - reach_x >= 0 && centre.y() - reach_y >= 0 && centre.x() + reach_x < image.cols - 1.001 &&
+        centre.y() + reach_y < image.rows - 1.001)) {
+    return false;
+  }
+  const Eigen::Matrix2f a = linear.cast<float>();
+  const Eigen::Vector2f h = perspective.cast<float>();
+  const auto step = static_cast<std::ptrdiff_t>(image.step1());
+  const int ox = static_cast<int>(centre.x() - reach_x), oy = static_cast<int>(centre.y() - reach_y);
+  const float* origin = image[oy] + ox;
+  const auto u0 = static_cast<float>(centre.x() - ox), v0 = static_cast<float>(centre.y() - oy);
+  for (int j = -kWindowHalf; j <= kWindowHalf; ++j) {
+    float* row = out + static_cast<std::ptrdiff_t>(j + kWindowHalf) * kWindowStride;
+    const auto y = static_cast<float>(j);
+    for (int i = -kWindowHalf; i <= kWindowHalf; ++i) {
+      const auto x = static_cast<float>(i);
+      const float scale = 1 / (1 + h[0] * x + h[1] * y);
+      const float u = std::max(0.0F, u0 + (a(0, 0) * x + a(0, 1) * y) * scale);
+      const float v = std::max(0.0F, v0 + (a(1, 0) * x + a(1, 1) * y) * scale);
+      const int iu = static_cast<int>(u), iv = static_cast<int>(v);
+      const float fu = u - static_cast<float>(iu), fv = v - static_cast<float>(iv);
+      const float* p = origin + iv * step + iu;
+      const float* q = p + step;
+      const float top = p[0] + fu * (p[1] - p[0]), bottom = q[0] + fu * (q[1] - q[0]);
+      row[i + kWindowHalf] = top + fv * (bottom - top);
+    }
+  }
+  return true;
+}
+
 // Sums over windows, lane by lane so that the order never changes.
 PARALLAX_WINDOW_CLONES double sum_of_products(const Window& a, const Window& b) {
   float lanes[kLanes] = {};
@@ -154,7 +190,8 @@ bool AffineTemplate::prepare(const cv::Mat1f& image, const Eigen::Vector2d& cent
 }
 
 AffineTemplate::Result AffineTemplate::align(const cv::Mat1f& image, const Eigen::Vector2d& start,
-                                             const Eigen::Matrix2d& linear, bool affine, int max_iterations) const {
+                                             const Eigen::Matrix2d& linear, bool affine, int max_iterations,
+                                             const Eigen::Vector2d& perspective) const {
   Result result;
   result.position = start;
   result.linear = linear;
@@ -166,10 +203,14 @@ AffineTemplate::Result AffineTemplate::align(const cv::Mat1f& image, const Eigen
   if (solver.info() != Eigen::Success) return result;
 
   const Window& weights = window_weights();
+  const bool flat = perspective.isZero(0);
   alignas(64) Window seen{};
   double step_px = 1e9;
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    if (!sample_window(image, result.position, result.linear, kWindowHalf, kWindowStride, seen.data())) return result;
+    const bool sampled =
+        flat ? sample_window(image, result.position, result.linear, kWindowHalf, kWindowStride, seen.data())
+             : sample_perspective(image, result.position, result.linear, perspective, seen.data());
+    if (!sampled) return result;
     const auto mean = static_cast<float>(sum_of_products(seen, weights));
     Window weighted;
     for (std::size_t k = 0; k < kWindowFloats; ++k) {

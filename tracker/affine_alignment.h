@@ -31,9 +31,11 @@ class AffineTemplate {
     double correlation = 0;                                // of the aligned windows, weighted
     bool converged = false;
   };
-  // Aligns over the position alone, with `linear` held, or (`affine`) over all six parameters.
+  // Aligns over the position alone, with `linear` held, or (`affine`) over all six parameters. A pixel d of the window
+  // appears at position + linear * d / (1 + perspective . d): with the perspective of a slanted surface (1 / px) known,
+  // the position has no bias towards where the window grows.
   Result align(const cv::Mat1f& image, const Eigen::Vector2d& start, const Eigen::Matrix2d& linear, bool affine,
-               int max_iterations) const;
+               int max_iterations, const Eigen::Vector2d& perspective = Eigen::Vector2d::Zero()) const;
 
  private:
   using Window = std::array<float, kWindowFloats>;

@@ -1,5 +1,5 @@
-// Shi-Tomasi corners where there are no tracks yet (MS §3.1): spread over the image by a minimum distance and by looking
-// first where tracks are fewest.
+// Shi-Tomasi corners where there are no tracks yet (MS §3.1): spread over the image by a minimum distance and by
+// looking first where tracks are fewest.
 //
 // Level-0 pixels. A plain function; safe from any thread.
 #pragma once
@@ -12,9 +12,9 @@
 namespace parallax {
 
 struct CornerSearch {
-  int wanted = 250;            // tracks in all, those that are there among them
+  int wanted = 250;  // tracks in all, those that are there among them
   double min_distance_px = 15;
-  double min_score = 3;        // smaller eigenvalue of the mean gradient matrix over 7x7 pixels, grey levels squared
+  double min_score = 3;  // smaller eigenvalue of the mean gradient matrix over 7x7 pixels, grey levels squared
   int border_px = 12;
 };
 

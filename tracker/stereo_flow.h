@@ -16,8 +16,8 @@ struct FlowOptions {
   double max_round_trip_px = 0.7;
 };
 
-// The place in `next` of what is at `from` in `last`, looked for about `guess`; nothing when it has left the image, does
-// not look alike or does not come back.
+// The place in `next` of what is at `from` in `last`, looked for about `guess`; nothing when it has left the image,
+// does not look alike or does not come back.
 std::optional<Eigen::Vector2d> track_forward_backward(const ImagePyramid& last, const ImagePyramid& next,
                                                       const Eigen::Vector2d& from, const Eigen::Vector2d& guess,
                                                       const FlowOptions& options);

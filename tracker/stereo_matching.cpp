@@ -10,8 +10,8 @@ namespace parallax {
 namespace {
 
 constexpr int kIterations = 8;
-constexpr int kMaxMeanSquare = 20 * 20;      // grey levels, a pixel
-constexpr double kSecondBest = 1.35;         // the next best place, not beside the best, differs so much more
+constexpr int kMaxMeanSquare = 20 * 20;  // grey levels, a pixel
+constexpr double kSecondBest = 1.35;     // the next best place, not beside the best, differs so much more
 constexpr int kBeside_px = 2;
 
 }  // namespace
@@ -40,9 +40,10 @@ std::optional<double> search_row(const GreyImage& left, const GreyImage& right, 
 }
 
 std::optional<RightMatch> align_right(const AffineTemplate& window, const cv::Mat1f& right_smooth, double guess_x,
-                                      double row, const Eigen::Matrix2d& linear, bool affine,
-                                      const RowSearch& search) {
-  const AffineTemplate::Result found = window.align(right_smooth, {guess_x, row}, linear, affine, kIterations);
+                                      double row, const Eigen::Matrix2d& linear, const RowSearch& search,
+                                      const Eigen::Vector2d& perspective) {
+  const AffineTemplate::Result found =
+      window.align(right_smooth, {guess_x, row}, linear, true, kIterations, perspective);
   if (!found.converged || found.correlation < search.min_correlation ||
       std::abs(found.position.y() - row) > search.max_row_difference_px)
     return std::nullopt;

@@ -28,9 +28,10 @@ struct RightMatch {
   Eigen::Matrix2d linear = Eigen::Matrix2d::Identity();  // right_from_window
 };
 
-// The window (taken at a left image) about `guess` in the right image. `linear` is where its shape begins; with `affine`
-// that is found too. Nothing when it does not look alike or lies in another row than `row`.
+// The window (taken at a left image) about `guess` in the right image. `linear` is where its shape begins; with
+// `affine` that is found too. Nothing when it does not look alike or lies in another row than `row`.
 std::optional<RightMatch> align_right(const AffineTemplate& window, const cv::Mat1f& right_smooth, double guess_x,
-                                      double row, const Eigen::Matrix2d& linear, bool affine, const RowSearch& search);
+                                      double row, const Eigen::Matrix2d& linear, const RowSearch& search,
+                                      const Eigen::Vector2d& perspective = Eigen::Vector2d::Zero());
 
 }  // namespace parallax

@@ -16,11 +16,12 @@ namespace parallax {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr int kIterations = 10;              // of a window's alignment
-constexpr double kCapture_px = 4;            // a window settles this near to where it was looked for, else elsewhere
-constexpr double kUnknownDepth_m = 4;        // 1 / sigma of the inverse depth of what the right camera does not see
-constexpr double kOldestShape = 1.7;         // a window that looks so much larger or smaller is taken anew
-constexpr std::size_t kKeyframesKept = 40;   // whose place the tracker still knows when the window answers
+constexpr int kIterations = 10;             // of a window's alignment
+constexpr double kCapture_px = 4;           // a window settles this near to where it was looked for, else elsewhere
+constexpr double kUnknownDepth_m = 4;       // 1 / sigma of the inverse depth of what the right camera does not see
+constexpr double kOldestShape = 1.7;        // a window that looks so much larger or smaller is taken anew
+constexpr double kSteepest = 0.02;           // change of inverse depth a pixel, in parts of it
+constexpr std::size_t kKeyframesKept = 40;  // whose place the tracker still knows when the window answers
 
 Eigen::Vector4d moved(const RigidTransform& b_from_a, const Eigen::Vector4d& point) {
   Eigen::Vector4d out;
@@ -49,10 +50,14 @@ void normalise(Eigen::Vector4d* point, double* sigma_w) {
 
 const char* to_string(StereoState state) {
   switch (state) {
-    case StereoState::started: return "started";
-    case StereoState::tracked: return "tracked";
-    case StereoState::few_features: return "few features";
-    case StereoState::failed: return "failed";
+    case StereoState::started:
+      return "started";
+    case StereoState::tracked:
+      return "tracked";
+    case StereoState::few_features:
+      return "few features";
+    case StereoState::failed:
+      return "failed";
   }
   return "?";
 }
@@ -74,8 +79,34 @@ RowSearch StereoOdometry::row_search() const {
   return search;
 }
 
-bool StereoOdometry::refine_window(Track* track, const Eigen::Vector2d& guess) const {
-  const AffineTemplate::Result found = track->window->align(now_->left_smooth, guess, track->linear, true, kIterations);
+// Of a plane: the depth at a pixel d of the window, seen from here, is in proportion to 1 + h . d.
+Eigen::Vector2d StereoOdometry::perspective_of(const Track& track, const RigidTransform& camera_from_reference) const {
+  const RigidTransform here_from_window = camera_from_reference * track.reference_from_window;
+  const Eigen::Vector3d axis = here_from_window.R.row(2);
+  const double depth = axis.dot(camera_.ray(track.window_px)) + here_from_window.t.z() * track.inverse_depth;
+  if (!(depth > 0.1)) return Eigen::Vector2d::Zero();
+  return (axis.head<2>().cwiseQuotient(camera_.focal_px) + here_from_window.t.z() * track.slope) / depth;
+}
+
+// A window taken here: the shape of the right image against the left one tells how the surface lies.
+void StereoOdometry::take_window(Track* track, const RigidTransform& reference_from_camera) const {
+  track->reference_from_window = reference_from_camera;
+  track->window_px = track->left;
+  track->inverse_depth = 0;
+  track->slope.setZero();
+  if (!std::isfinite(track->right_x)) return;
+  const double fb = camera_.focal_px.x() * camera_.baseline_m;
+  track->inverse_depth = (track->left.x() - track->right_x) / fb;
+  const Eigen::Matrix2d right_from_left = track->right_linear * track->linear.inverse();
+  track->slope = Eigen::Vector2d(1 - right_from_left(0, 0), -right_from_left(0, 1)) / fb;
+  // No surface that is seen from both cameras is steeper.
+  const double steepest = kSteepest * track->inverse_depth;
+  if (track->slope.norm() > steepest) track->slope *= steepest / track->slope.norm();
+}
+
+bool StereoOdometry::refine_window(Track* track, const Eigen::Vector2d& guess, const RigidTransform& pose) const {
+  const AffineTemplate::Result found = track->window->align(now_->left_smooth, guess, track->linear, true, kIterations,
+                                                            perspective_of(*track, pose));
   if (!found.converged || found.correlation < options_.min_correlation ||
       (found.position - guess).norm() > kCapture_px || !camera_.in_image(found.position, 4))
     return false;
@@ -87,10 +118,10 @@ bool StereoOdometry::refine_window(Track* track, const Eigen::Vector2d& guess) c
   return true;
 }
 
-void StereoOdometry::find_right(Track* track, double guess_x) const {
+void StereoOdometry::find_right(Track* track, double guess_x, const RigidTransform& pose) const {
   track->right_x = kNaN;
   const auto match = align_right(*track->window, now_->right_smooth, guess_x, track->left.y(), track->right_linear,
-                                 true, row_search());
+                                 row_search(), perspective_of(*track, pose));
   if (!match || std::abs(match->x - guess_x) > kCapture_px) return;
   track->right_x = match->x;
   track->right_linear = match->linear;
@@ -103,11 +134,10 @@ void StereoOdometry::track_features(const RigidTransform& predicted) {
   for (Track& track : tracks_) {
     Eigen::Vector3d expected;
     if (track.seen || !project(camera_, predicted, track.point, &expected)) continue;
-    const auto found =
-        track_forward_backward(last_->left, now_->left, track.left, {expected.x(), expected.z()}, flow);
-    if (!found || !refine_window(&track, *found)) continue;
+    const auto found = track_forward_backward(last_->left, now_->left, track.left, {expected.x(), expected.z()}, flow);
+    if (!found || !refine_window(&track, *found, predicted)) continue;
     track.seen = true;
-    find_right(&track, track.left.x() - (expected.x() - expected.y()));
+    find_right(&track, track.left.x() - (expected.x() - expected.y()), predicted);
   }
 }
 
@@ -128,8 +158,7 @@ StereoPoseSummary StereoOdometry::estimate(const RigidTransform& predicted, Rigi
   const std::array<RigidTransform, 2> guesses = {predicted, camera_from_reference_};
   std::vector<std::uint8_t> inlier;
   RigidTransform found = predicted;
-  StereoPoseSummary summary =
-      find_stereo_pose(camera_, observations, guesses, options_.pose, &rng_, &found, &inlier);
+  StereoPoseSummary summary = find_stereo_pose(camera_, observations, guesses, options_.pose, &rng_, &found, &inlier);
   if (!summary.ok || summary.inliers < options_.min_inliers) {
     summary.ok = false;
     return summary;
@@ -154,9 +183,9 @@ StereoPoseSummary StereoOdometry::estimate(const RigidTransform& predicted, Rigi
     for (Track& track : tracks_) {
       Eigen::Vector3d expected;
       if (track.seen || !project(camera_, found, track.point, &expected) ||
-          !camera_.in_image({expected.x(), expected.z()}, 6) || !refine_window(&track, {expected.x(), expected.z()}))
+          !camera_.in_image({expected.x(), expected.z()}, 6) || !refine_window(&track, {expected.x(), expected.z()}, found))
         continue;
-      find_right(&track, track.left.x() - (expected.x() - expected.y()));
+      find_right(&track, track.left.x() - (expected.x() - expected.y()), found);
       track.seen = more = true;
       observations.push_back(observe(track));
       of.push_back(&track);
@@ -181,7 +210,7 @@ bool StereoOdometry::begin_track(const Eigen::Vector2d& corner, Track* track) co
   const RowSearch search = row_search();
   if (const auto row = search_row(now_->left.level[0], now_->right, corner, search)) {
     if (const auto match =
-            align_right(*window, now_->right_smooth, *row, corner.y(), Eigen::Matrix2d::Identity(), true, search)) {
+            align_right(*window, now_->right_smooth, *row, corner.y(), Eigen::Matrix2d::Identity(), search)) {
       // The way back must end where it began.
       AffineTemplate seen;
       if (seen.prepare(now_->right_smooth, {match->x, corner.y()})) {
@@ -197,8 +226,10 @@ bool StereoOdometry::begin_track(const Eigen::Vector2d& corner, Track* track) co
   const double disparity = std::isfinite(track->right_x) ? corner.x() - track->right_x : 0;
   track->point << camera_.ray(corner), std::max(0.0, disparity) / fb;
   track->sigma_w = std::isfinite(track->right_x) ? std::numbers::sqrt2 * options_.sigma_px / fb : 1 / kUnknownDepth_m;
-  track->point = moved(camera_from_reference_.inverse(), track->point);
+  const RigidTransform reference_from_camera = camera_from_reference_.inverse();
+  track->point = moved(reference_from_camera, track->point);
   normalise(&track->point, &track->sigma_w);
+  take_window(track, reference_from_camera);
   track->seen = true;
   return true;
 }
@@ -225,6 +256,7 @@ void StereoOdometry::renew_windows() {
     auto window = std::make_shared<AffineTemplate>();
     if (!window->prepare(now_->left_smooth, track.left)) continue;
     track.window = window;
+    take_window(&track, RigidTransform());
     track.right_linear = track.right_linear * track.linear.inverse();
     track.linear.setIdentity();
   }
@@ -251,6 +283,7 @@ void StereoOdometry::make_keyframe(bool after_failure, StereoFrameResult* result
   }
   for (Track& track : tracks_) {
     track.point = moved(this_from_previous, track.point);
+    track.reference_from_window = this_from_previous * track.reference_from_window;
     normalise(&track.point, &track.sigma_w);
     if (track.first_keyframe < 0) track.first_keyframe = keyframe_;
     keyframe.measurements.push_back({track.id, {track.left.x(), track.right_x, track.left.y()}, track.point});
@@ -299,8 +332,8 @@ StereoFrameResult StereoOdometry::process(int frame, Timestamp time, const GreyI
       // Another turn than expected: the images as a whole tell how far.
       const SmallImageAlignment turn = align_small_images(last_->small, now_->small);
       if (turn.converged && turn.overlap > 0.4) {
-        predicted = RigidTransform(rotation_from_alignment(lens_, turn), Eigen::Vector3d::Zero()) *
-                    camera_from_reference_;
+        predicted =
+            RigidTransform(rotation_from_alignment(lens_, turn), Eigen::Vector3d::Zero()) * camera_from_reference_;
         for (Track& track : tracks_) track.seen = false;
         track_features(predicted);
         summary = estimate(predicted, &pose);

@@ -31,8 +31,8 @@ struct StereoFrameResult {
   int frame = 0;
   Timestamp time{0};
   StereoState state = StereoState::failed;
-  std::string reason;                      // why it failed, for the user
-  int reference = 0;                       // keyframe
+  std::string reason;  // why it failed, for the user
+  int reference = 0;   // keyframe
   RigidTransform reference_from_camera;
   Matrix6d covariance = Matrix6d::Zero();  // of camera_from_reference, left perturbation
   int tracks = 0, inliers = 0, right_matches = 0, hypotheses = 0;
@@ -69,10 +69,15 @@ class StereoOdometry {
     Eigen::Vector4d point = {0, 0, 1, 0};  // in the reference keyframe's frame
     double sigma_w = 0;                    // of point.w()
     std::shared_ptr<AffineTemplate> window;
+    // Where the window was taken, and how the surface lies there: inverse depth (1 / m) at its middle, and its change a
+    // pixel, as the right image's shape tells it.
+    RigidTransform reference_from_window;
+    double inverse_depth = 0;
+    Eigen::Vector2d slope = Eigen::Vector2d::Zero(), window_px = Eigen::Vector2d::Zero();
     Eigen::Matrix2d linear = Eigen::Matrix2d::Identity(), right_linear = Eigen::Matrix2d::Identity();
     int age = 0;
-    int first_keyframe = -1;               // the first that measured it
-    bool seen = false;                     // in this frame
+    int first_keyframe = -1;  // the first that measured it
+    bool seen = false;        // in this frame
   };
   struct Images {
     ImagePyramid left;
@@ -82,8 +87,10 @@ class StereoOdometry {
   };
 
   void track_features(const RigidTransform& predicted);
-  bool refine_window(Track* track, const Eigen::Vector2d& guess) const;
-  void find_right(Track* track, double guess_x) const;
+  Eigen::Vector2d perspective_of(const Track& track, const RigidTransform& camera_from_reference) const;
+  void take_window(Track* track, const RigidTransform& reference_from_camera) const;
+  bool refine_window(Track* track, const Eigen::Vector2d& guess, const RigidTransform& pose) const;
+  void find_right(Track* track, double guess_x, const RigidTransform& pose) const;
   StereoPoseSummary estimate(const RigidTransform& predicted, RigidTransform* pose);
   StereoPoseObservation observe(const Track& track) const;
   void add_features();
@@ -103,8 +110,8 @@ class StereoOdometry {
   Timestamp time_{0};
   double frame_interval_s_ = 0;
 
-  int keyframe_ = -1;                // the reference
-  int keyframe_tracks_ = 0;          // it had
+  int keyframe_ = -1;                                // the reference
+  int keyframe_tracks_ = 0;                          // it had
   RigidTransform camera_from_reference_, velocity_;  // now_from_last
   Matrix6d covariance_ = Matrix6d::Zero();
   std::vector<RigidTransform> reference_from_;  // earlier keyframes, the newest last, as odometry had them

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "app/map_merge_record.h"
+#include "app/run_settings.h"
 #include "app/session_maps.h"
 #include "core/error.h"
 #include "core/image.h"
@@ -140,9 +141,9 @@ struct MeetingRun {
   }
 };
 
-MeetingRun run_walk(int first, const std::string& folder, const RunOptions& wanted = {}) {
+MeetingRun run_walk(int first, const std::string& folder) {
   MeetingWalk source(legs_of(first), first);
-  RunOptions options = wanted;
+  RunOptions options;
   options.pace = Pace::lockstep;
   RunMaps maps(meeting_camera(), options, std::make_shared<const MapLibrary>(folder));
   MeetingRun out;
@@ -312,18 +313,21 @@ TEST_F(TwoEndsOfADesk, AreTwoAgainWhileTheCameraIsThere) {
   for (const Keyframe& kf : read_map_file(folder.file(right_)).map.keyframes) EXPECT_GE(kf.frame, kRight);
 }
 
-TEST_F(TwoEndsOfADesk, StayTwoWhenOneIsLockedOrItIsNotWanted) {
-  for (const bool locked : {true, false}) {
-    const ScratchFolder folder;
-    for (const std::string& name : {left_, right_}) fs::copy_file(apart_->path() / name, folder.path() / name);
-    if (locked) MapLibrary::set_locked(folder.file(left_), true);
-    RunOptions options;
-    options.merge_maps = locked;
-    const MeetingRun walked = run_walk(kAcross, folder.path().string(), options);
-    EXPECT_EQ(walked.merges, 0) << walked.text();
-    EXPECT_EQ(MapLibrary(folder.path().string()).paths().size(), 2U);
-    EXPECT_TRUE(read_all(folder.file(left_)) == read_all(apart_->file(left_)));
-  }
+TEST_F(TwoEndsOfADesk, StayTwoWhenOneIsLocked) {
+  const ScratchFolder folder;
+  for (const std::string& name : {left_, right_}) fs::copy_file(apart_->path() / name, folder.path() / name);
+  MapLibrary::set_locked(folder.file(left_), true);
+  const MeetingRun walked = run_walk(kAcross, folder.path().string());
+  EXPECT_EQ(walked.merges, 0) << walked.text();
+  EXPECT_EQ(MapLibrary(folder.path().string()).paths().size(), 2U);
+  EXPECT_TRUE(read_all(folder.file(left_)) == read_all(apart_->file(left_)));
+}
+
+TEST(MapMeeting, IsSwitchedOff) {
+  RunOptions options;
+  EXPECT_TRUE(session_maps_options(options).merge);
+  apply_settings({"maps.merge=0"}, &options);
+  EXPECT_FALSE(session_maps_options(options).merge);
 }
 
 }  // namespace

@@ -162,7 +162,7 @@ TEST_F(MapPicture, AFloorPlanLiesUnderItAtItsScale) {
   const auto green = find(image, {20, 200, 10}).first, red = find(image, {20, 10, 200}).first;
   const auto [square, pixels] = find(image, {140, 140, 140});
   const double px_per_m = (red.x - green.x) / 4;
-  EXPECT_NEAR(pixels / (px_per_m * px_per_m), 1, 0.15);
+  EXPECT_NEAR(pixels / (px_per_m * px_per_m), 1, 0.25);
   // The plan's (5, 5) turned left about its corner: (7 - 5, 0.5 + 5).
   EXPECT_NEAR((square.x - green.x) / px_per_m, 2, 0.05);
   EXPECT_NEAR((green.y - square.y) / px_per_m, 5.5 - 3, 0.05);

@@ -266,6 +266,7 @@ TEST(MapsPanel, IsGoneThroughWithKeys) {
     cards[i].fits = i != 2;
     cards[i].current = i == 0;
     cards[i].map.locked = i == 3;
+    cards[i].merged = i == 1 || i == 3;
   }
   cards[4].map.problem = "not a map file";
   cards[5].map.in_use = true;
@@ -278,6 +279,9 @@ TEST(MapsPanel, IsGoneThroughWithKeys) {
   };
   EXPECT_FALSE(possible(0, MapsKey::go)) << "one is there";
   EXPECT_TRUE(possible(1, MapsKey::go));
+  EXPECT_TRUE(possible(1, MapsKey::separate));
+  EXPECT_EQ(panel.press(MapsKey::separate).kind, MapsChoice::Kind::separate);
+  EXPECT_FALSE(possible(0, MapsKey::separate) || possible(3, MapsKey::separate)) << "of one map, and a locked one";
   EXPECT_FALSE(possible(2, MapsKey::go)) << "another lens";
   EXPECT_TRUE(possible(3, MapsKey::go) && !possible(3, MapsKey::remove) && !possible(3, MapsKey::rename));
   EXPECT_EQ(panel.press(MapsKey::lock).kind, MapsChoice::Kind::unlock);

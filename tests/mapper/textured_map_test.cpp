@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/core.hpp>
 #include <set>
 #include <tuple>
 #include <vector>
@@ -103,18 +104,19 @@ TEST(TexturedMap, FusedPointsLieWhereTheSceneIs) {
   const RigidTransform camera_from_world = pairs().camera_from_world(2);
   std::vector<double> errors;
   int unlike = 0;
-  for (const ColouredPoint& point : points) {
+  const GreyImage image = keyframe(1).left;
+  for (std::size_t i = 0; i < points.size(); i += 4) {
+    const ColouredPoint& point = points[i];
     const Vector3d here = camera_from_world * point.position.cast<double>();
     Vector2d pixel;
     if (!pairs().camera().project(here, &pixel) || !pairs().camera().in_image(pixel, 1)) continue;
     errors.push_back(std::abs(pairs().depth(2, pixel) / here.z() - 1));
-    const GreyImage image = keyframe(1).left;
     unlike += std::abs(image(static_cast<int>(std::lround(pixel.y())), static_cast<int>(std::lround(pixel.x()))) -
                        point.rgb[0]) > 40;
     EXPECT_EQ(point.rgb[0], point.rgb[2]);
     EXPECT_GT(point.sigma_m, 0);
   }
-  ASSERT_GT(errors.size(), 1500U);
+  ASSERT_GT(errors.size(), 400U);
   EXPECT_LT(median(errors), 0.01);
   EXPECT_LT(unlike, 0.1 * static_cast<double>(errors.size()));
   // One point a voxel.
@@ -170,25 +172,29 @@ TEST(TexturedMap, WhatIsSeenThroughGoes) {
 
 TEST(TexturedMap, PointsAreSurerWithEveryViewAndGoWithTheirKeyframe) {
   Walls walls;
-  walls.add(0, 1.0, 50);
+  walls.add(0, 1.02, 50);
   const float once = walls.map.points()[0].sigma_m;
-  walls.add(1, 1.01, 60);
+  walls.add(1, 1.03, 60);
   const auto twice = walls.map.points();
-  EXPECT_NEAR(twice[0].sigma_m, once / std::sqrt(2), 0.02 * once);
-  EXPECT_NEAR(twice[0].position.z(), 1.005, 0.002);
-  EXPECT_EQ(twice[0].rgb[0], 50);  // seen as near as then
-  walls.map.move(7, {});           // unknown
+  const auto axis = std::min_element(twice.begin(), twice.end(), [](const ColouredPoint& a, const ColouredPoint& b) {
+    return a.position.head<2>().norm() < b.position.head<2>().norm();
+  });
+  const auto middle = static_cast<std::size_t>(axis - twice.begin());
+  EXPECT_NEAR(twice[middle].sigma_m, once / std::sqrt(2), 0.02 * once);
+  EXPECT_NEAR(twice[middle].position.z(), 1.025, 0.001);
+  EXPECT_EQ(twice[middle].rgb[0], 50);  // seen as near as then
+  walls.map.move(7, {});                // unknown
   const RigidTransform moved(Eigen::Matrix3d(exp_so3({0, 0, 0.3})), Vector3d(2, 0, 5));
   walls.map.move(0, moved);
   const auto after = walls.map.points();
   ASSERT_GT(after.size(), twice.size() / 2);
-  for (const ColouredPoint& p : after) EXPECT_NEAR(p.position.z(), 6.005, 0.01);
+  for (const ColouredPoint& p : after) EXPECT_NEAR(p.position.z(), 6.025, 0.01);
   EXPECT_LT((after[0].position.cast<double>() - moved * twice[0].position.cast<double>()).norm(), 1e-5);
   // Where it was there is room again; and brought back, two sheets become one.
-  walls.add(2, 1.0, 90);
+  walls.add(2, 1.02, 90);
   EXPECT_GT(walls.between(0.9, 1.1), 200);
   walls.map.move(0, {});
-  EXPECT_LT(walls.map.points().size(), after.size() + 20);
+  EXPECT_LE(walls.map.points().size(), 27U * 20U);  // voxels of 5 cm in 1.3 m by 0.98 m
 }
 
 TEST(TexturedMap, VoxelsGrowWhenThereAreTooManyPoints) {

@@ -75,7 +75,7 @@ TEST(SyntheticBuilding, DepthIsThatOfTheFirstSurfaceOnTheRay) {
   for (int walk = 0; walk < kBuildingWalks; ++walk) {
     const auto source = open_synthetic_source(walk_name(walk, "&size=128x96"));
     int checked = 0, different = 0;
-    for (int index = 20; index < source->frame_count(); index += source->frame_count() / 6) {
+    for (int index = 20; index < source->frame_count(); index += source->frame_count() / 3) {
       const cv::Mat1f depth = source->depth(index);
       const RigidTransform world_from_camera = source->world_from_camera(index);
       for (int y = 1; y < depth.rows; y += 5)
@@ -88,7 +88,7 @@ TEST(SyntheticBuilding, DepthIsThatOfTheFirstSurfaceOnTheRay) {
           different += std::abs(depth(y, x) - hit->distance) > 1e-4 * hit->distance;
         }
     }
-    EXPECT_GT(checked, 2000);
+    EXPECT_GT(checked, 1200);
     EXPECT_LE(different, checked / 300) << "walk " << walk;
   }
 }
@@ -96,7 +96,7 @@ TEST(SyntheticBuilding, DepthIsThatOfTheFirstSurfaceOnTheRay) {
 TEST(SyntheticBuilding, NothingIsNearerThanAnArmAndNothingIsOpen) {
   for (int walk = 0; walk < kBuildingWalks; ++walk) {
     const auto source = open_synthetic_source(walk_name(walk, "&size=64x48&day=3"));
-    for (int index = 0; index < source->frame_count(); index += 16) {
+    for (int index = 0; index < source->frame_count(); index += 40) {
       const Vector3d eye = source->world_from_camera(index).t;
       for (int i = 0; i < 14; ++i) {
         const double angle = (i + 0.37) * 2 * std::numbers::pi / 14, tilt = i % 2 ? 0.0 : std::sin(0.7 * i);
@@ -207,21 +207,22 @@ TEST(SyntheticBuilding, FramesDependOnNameAndIndexOnly) {
 TEST(SyntheticBuilding, AnotherDayMovesSomeThingsAndNoWalls) {
   const auto monday = open_synthetic_source(walk_name(0, "&noise=0&size=256x192"));
   const auto tuesday = open_synthetic_source(walk_name(0, "&noise=0&size=256x192&day=2"));
-  int changed = 0, farther = 0, all = 0;
-  for (const int index : {0, 400, 800, 1900, 2400}) {
+  int repainted = 0, moved = 0, all = 0;
+  for (const int index : {0, 400, 1900}) {
     EXPECT_LT((monday->world_from_camera(index).t - tuesday->world_from_camera(index).t).norm(), 1e-12);
     const cv::Mat1f a = monday->depth(index), b = tuesday->depth(index);
+    const cv::Mat1b grey_a = monday->frame(index).grey, grey_b = tuesday->frame(index).grey;
     for (int y = 0; y < a.rows; ++y)
       for (int x = 0; x < a.cols; ++x) {
         ++all;
-        changed += std::abs(a(y, x) - b(y, x)) > 0.02 * a(y, x);
-        farther += std::abs(a(y, x) - b(y, x)) > 0.5 * a(y, x);
+        moved += std::abs(a(y, x) - b(y, x)) > 0.02 * a(y, x);
+        repainted += std::abs(grey_a(y, x) - grey_b(y, x)) > 25;
       }
-    EXPECT_FALSE(same_bytes(monday->frame(index).grey, tuesday->frame(index).grey)) << index;
   }
-  EXPECT_GT(changed, all / 1000);
-  EXPECT_LT(changed, all / 5);
-  EXPECT_LT(farther, all / 20);
+  EXPECT_GT(repainted, all / 200);
+  EXPECT_LT(repainted, all / 3);
+  EXPECT_GT(moved, all / 2000);
+  EXPECT_LT(moved, all / 5);
 }
 
 TEST(SyntheticBuilding, BadKeysAreOneClearLine) {

@@ -75,8 +75,7 @@ inline WindowSummary ceres_smooth_window(WindowProblem* window, const WindowOpti
   ceres::Solver::Summary s;
   ceres::Solve(o, &problem, &s);
   for (std::size_t i = 0; i < poses.size(); ++i)
-    if (!window->pose_fixed[i])
-      window->poses[i] = RigidTransform(exp_so3(poses[i].tail<3>()), poses[i].head<3>());
+    if (!window->pose_fixed[i]) window->poses[i] = RigidTransform(exp_so3(poses[i].tail<3>()), poses[i].head<3>());
   for (std::size_t i = 0; i < points.size(); ++i) window->points[i] = points[i].homogeneous().normalized();
   WindowSummary summary;
   summary.initial_cost = s.initial_cost;
