@@ -17,15 +17,15 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kMarginPx = 56, kTitlePx = 40;
+constexpr int kMapMarginPx = 56, kTitlePx = 40;
 constexpr double kLabelPx = 13, kTitleTextPx = 18;
 constexpr double kFade = 0.55;      // how much of a floor plan's ink is taken away
 constexpr double kStray = 0.002;    // share of the points at each end that does not widen the picture
 constexpr double kPointM = 0.03;    // side of a point on paper
 constexpr double kHeightCellM = 1;  // over which the way's height is taken to be one
-constexpr CanvasColour kInk{40, 40, 40}, kGridInk{205, 205, 205};
+constexpr CanvasColour kMapInk{40, 40, 40}, kMapGridInk{205, 205, 205};
 
-struct Box {
+struct MapBox {
   Vector2d low = Vector2d::Constant(std::numeric_limits<double>::max()), high = -low;
   void take(const Vector2d& p) {
     low = low.cwiseMin(p);
@@ -61,11 +61,12 @@ class PathHeights {
   std::map<std::pair<long, long>, double> cells_;
 };
 
-class Sheet {
+class MapSheet {
  public:
-  Sheet(const Box& box, const MapPictureOptions& options) {
+  MapSheet(const MapBox& box, const MapPictureOptions& options) {
     const Vector2d extent = (box.high - box.low).cwiseMax(1.0) * 1.04;
-    const double room_x = options.width_px - 2 * kMarginPx, room_y = options.most_height_px - 2 * kMarginPx - kTitlePx;
+    const double room_x = options.width_px - 2 * kMapMarginPx,
+                 room_y = options.most_height_px - 2 * kMapMarginPx - kTitlePx;
     px_per_m_ = std::min(room_x / extent.x(), room_y / extent.y());
     const Vector2d middle = 0.5 * (box.low + box.high);
     const double height = std::max(200.0, std::ceil(px_per_m_ * extent.y()));
@@ -84,7 +85,7 @@ class Sheet {
   // Of the whole sheet.
   CanvasPoint canvas(const Vector2d& place) const {
     const Vector2d p = pixel(place);
-    return {p.x() + kMarginPx, p.y() + kMarginPx + kTitlePx};
+    return {p.x() + kMapMarginPx, p.y() + kMapMarginPx + kTitlePx};
   }
   std::vector<double> lines(int axis) const {
     const double length = (axis == 0 ? picture_.cols : picture_.rows) / px_per_m_;
@@ -99,7 +100,7 @@ class Sheet {
   Vector2d low_{0, 0};
 };
 
-void lay_floor_plan(const FloorPlan& plan, Sheet* sheet) {
+void lay_floor_plan(const FloorPlan& plan, MapSheet* sheet) {
   cv::Mat3b faded;
   plan.image.convertTo(faded, CV_8U, 1 - kFade, 255 * kFade);
   // From a pixel of the plan to one of the sheet, by three corners.
@@ -121,9 +122,9 @@ void lay_floor_plan(const FloorPlan& plan, Sheet* sheet) {
                  cv::BORDER_TRANSPARENT);
 }
 
-void draw_grid(Sheet* sheet) {
+void draw_grid(MapSheet* sheet) {
   cv::Mat3b& picture = sheet->picture();
-  const cv::Scalar ink(kGridInk.blue, kGridInk.green, kGridInk.red);
+  const cv::Scalar ink(kMapGridInk.blue, kMapGridInk.green, kMapGridInk.red);
   for (const double v : sheet->lines(0)) {
     const int x = cvRound(sheet->pixel({v, 0}).x());
     cv::line(picture, {x, 0}, {x, picture.rows - 1}, ink);
@@ -135,7 +136,7 @@ void draw_grid(Sheet* sheet) {
 }
 
 // The point nearest to the viewer colours the pixel.
-void draw_points(const std::vector<Vector3d>& places, const std::vector<ColouredPoint>& points, Sheet* sheet) {
+void draw_points(const std::vector<Vector3d>& places, const std::vector<ColouredPoint>& points, MapSheet* sheet) {
   cv::Mat3b& picture = sheet->picture();
   cv::Mat1f nearest(picture.size(), std::numeric_limits<float>::lowest());
   const int side = std::max(1, static_cast<int>(std::ceil(kPointM * sheet->px_per_m())));
@@ -155,28 +156,29 @@ void draw_points(const std::vector<Vector3d>& places, const std::vector<Coloured
   }
 }
 
-std::string metres(double value) {
+std::string grid_metres(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.10g", std::abs(value) < 1e-9 ? 0.0 : value);
   return text;
 }
 
-void draw_labels(const Sheet& sheet, const cv::Size& picture, const MapPictureOptions& options,
-                 const std::vector<MapPath>& paths, Canvas* canvas) {
-  const double left = kMarginPx, right = kMarginPx + picture.width, top = kMarginPx + kTitlePx,
+void draw_map_labels(const MapSheet& sheet, const cv::Size& picture, const MapPictureOptions& options,
+                     const std::vector<MapPath>& paths, Canvas* canvas) {
+  const double left = kMapMarginPx, right = kMapMarginPx + picture.width, top = kMapMarginPx + kTitlePx,
                bottom = top + picture.height;
-  canvas->polyline({{left, top}, {right, top}, {right, bottom}, {left, bottom}, {left, top}}, kGridInk, 1);
+  canvas->polyline({{left, top}, {right, top}, {right, bottom}, {left, bottom}, {left, top}}, kMapGridInk, 1);
   for (const double v : sheet.lines(0))
-    canvas->text({sheet.canvas({v, 0}).x, bottom + 18}, metres(v), kLabelPx, TextAnchor::middle, kInk);
+    canvas->text({sheet.canvas({v, 0}).x, bottom + 18}, grid_metres(v), kLabelPx, TextAnchor::middle, kMapInk);
   for (const double v : sheet.lines(1))
-    canvas->text({left - 6, sheet.canvas({0, v}).y + 4}, metres(v), kLabelPx, TextAnchor::right, kInk);
-  canvas->text({right, bottom + 38}, "grid " + metres(sheet.grid_step()) + " m", kTitleTextPx, TextAnchor::right, kInk);
-  canvas->text({left, 34}, options.title, kTitleTextPx, TextAnchor::left, kInk);
+    canvas->text({left - 6, sheet.canvas({0, v}).y + 4}, grid_metres(v), kLabelPx, TextAnchor::right, kMapInk);
+  canvas->text({right, bottom + 38}, "grid " + grid_metres(sheet.grid_step()) + " m", kTitleTextPx, TextAnchor::right,
+               kMapInk);
+  canvas->text({left, 34}, options.title, kTitleTextPx, TextAnchor::left, kMapInk);
   double x = left;
   for (const MapPath& path : paths) {
     if (path.name.empty()) continue;
     canvas->polyline({{x, top - 18}, {x + 30, top - 18}}, path.colour, 3);
-    canvas->text({x + 36, top - 13}, path.name, kLabelPx, TextAnchor::left, kInk);
+    canvas->text({x + 36, top - 13}, path.name, kLabelPx, TextAnchor::left, kMapInk);
     x += 60 + 8 * static_cast<double>(path.name.size());
   }
 }
@@ -228,7 +230,7 @@ void draw_map_picture(const std::vector<ColouredPoint>& points, const std::vecto
       for (Vector3d& place : way) body(place);
   };
   if (!above) {  // the longer of x and y goes across, height up, and the viewer is on the near side
-    Box plan;
+    MapBox plan;
     for (const Vector3d& p : places) plan.take(p.head<2>());
     for_every_way([&](const Vector3d& p) { plan.take(p.head<2>()); });
     const Vector2d extent = plan.high - plan.low;
@@ -241,7 +243,7 @@ void draw_map_picture(const std::vector<ColouredPoint>& points, const std::vecto
     for (Vector3d& place : places) place = turn * place;
     for_every_way([&](Vector3d& place) { place = turn * place; });
   }
-  Box box;
+  MapBox box;
   if (!places.empty()) {
     const auto [x0, x1] = common_range(places, 0);
     const auto [y0, y1] = common_range(places, 1);
@@ -251,13 +253,13 @@ void draw_map_picture(const std::vector<ColouredPoint>& points, const std::vecto
   for_every_way([&](const Vector3d& place) { box.take(place.head<2>()); });
   if (!(box.low.x() <= box.high.x())) throw RunError(path + ": cannot be written: the map has no points and no way");
 
-  Sheet sheet(box, options);
+  MapSheet sheet(box, options);
   if (above && options.floor_plan) lay_floor_plan(*options.floor_plan, &sheet);
   draw_grid(&sheet);
   draw_points(places, shown, &sheet);
   const cv::Size size = sheet.picture().size();
-  const auto canvas = make_canvas(path, size.width + 2 * kMarginPx, size.height + 2 * kMarginPx + kTitlePx);
-  canvas->image({kMarginPx, kMarginPx + kTitlePx}, sheet.picture());
+  const auto canvas = make_canvas(path, size.width + 2 * kMapMarginPx, size.height + 2 * kMapMarginPx + kTitlePx);
+  canvas->image({kMapMarginPx, kMapMarginPx + kTitlePx}, sheet.picture());
   for (std::size_t i = 0; i < ways.size(); ++i) {
     std::vector<CanvasPoint> line;
     for (const Vector3d& place : ways[i]) line.push_back(sheet.canvas(place.head<2>()));
@@ -268,7 +270,7 @@ void draw_map_picture(const std::vector<ColouredPoint>& points, const std::vecto
       ring.push_back({line[0].x + 6 * std::cos(j * M_PI / 8), line[0].y + 6 * std::sin(j * M_PI / 8)});
     canvas->polyline(ring, paths[i].colour, 2);
   }
-  draw_labels(sheet, size, options, paths, canvas.get());
+  draw_map_labels(sheet, size, options, paths, canvas.get());
   canvas->save(path);
 }
 

@@ -140,8 +140,7 @@ MapsChoice draw_maps_panel(const MakeMapPicture& picture, const std::string& not
     if (key != MapsKey::go) ImGui::SameLine(0, gap);
     if (draw_map_button(label, panel->is_possible(key), each)) choice = panel->press(key);
   }
-  quiet_line(
-      "Arrows: choose   Enter: go to   N: name   K: lock   Delete, U: delete, undo   S: undo merge   Esc: close");
+  quiet_line("Enter: go to   N: name   K: lock   Delete, U: delete, undo   S: undo merge   Esc: close");
   ImGui::End();
   return choice;
 }

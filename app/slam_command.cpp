@@ -7,6 +7,7 @@
 #include "app/named_settings.h"
 #include "app/output_steps.h"
 #include "app/progress_bar.h"
+#include "app/slam_maps.h"
 #include "app/slam_outputs.h"
 #include "app/slam_session.h"
 #include "app/stereo_input.h"
@@ -18,6 +19,7 @@ namespace {
 struct SlamArguments {
   std::string source, calibration, pace = "realtime";
   std::string trajectory, final_trajectory, keyframes, points, graph, timing, report, truth;
+  SlamMapPaths maps;
   int start = 0, count = -1;
   double speed = 1.0;
   std::vector<std::string> settings;
@@ -62,14 +64,22 @@ int slam(const SlamArguments& args) {
   for (const StampedPose& pose : input.source->ground_truth()) truth.push_back({pose.time, pose.world_from_camera});
   if (!args.truth.empty() && truth.empty()) throw InputError("--truth: " + args.source + " carries no true poses");
 
+  SlamMaps maps(args.maps);
+  SlamKeyframeObserver on_keyframe;
+  if (args.maps.any())
+    on_keyframe = [&](const StereoKeyframe& keyframe, const StereoWindow& window) {
+      maps.add(keyframe, window, window.camera());
+    };
   SlamResult result;
   {
     ProgressBar progress("tracking", input.source->frame_count());
     int done = 0;
-    result = run_slam(input.source.get(), input.calibration, options,
-                      [&](const SlamFrame& frame, const StereoImages&, const StereoOdometry&) {
-                        progress.update(++done, to_string(frame.result.state));
-                      });
+    result = run_slam(
+        input.source.get(), input.calibration, options,
+        [&](const SlamFrame& frame, const StereoImages&, const StereoOdometry&) {
+          progress.update(++done, to_string(frame.result.state));
+        },
+        on_keyframe);
   }
   OutputSteps steps;
   for (const SourceWarning& w : result.warnings) std::cerr << "parallax: warning: " << w.text << '\n';
@@ -84,6 +94,10 @@ int slam(const SlamArguments& args) {
   if (!args.report.empty()) {
     const SlamReportContext context{args.source, PARALLAX_VERSION, args.pace, fps, &options};
     steps([&] { write_slam_report_json(result, context, args.report); });
+  }
+  if (args.maps.any() && !result.keyframes.empty()) {
+    maps.finish(result.keyframes);
+    maps.write(args.source, [&](const std::function<void()>& write) { steps(write); });
   }
   std::cout << slam_summary_text(result);
   steps.finish();
@@ -102,7 +116,7 @@ void add_slam_command(CLI::App& app, int* exit_code) {
       ->add_option("source", args->source, "Folder of a stereo data set (EuRoC or KITTI layout), or synthetic:building")
       ->required();
   command->add_option("--calibration", args->calibration,
-                      "Calibration file of both cameras (Kalibr); default: the one the source carries");
+                      "Calibration file of both cameras; default: the one the source carries");
   command
       ->add_option("--pace", args->pace,
                    "realtime: frames arrive at their time stamps, two threads; lockstep: deterministic")
@@ -122,6 +136,12 @@ void add_slam_command(CLI::App& app, int* exit_code) {
   command->add_option("--timing", args->timing, "Write a row a frame, then a row a pose (CSV)");
   command->add_option("--report", args->report, "Write counts, timings and settings (JSON)");
   command->add_option("--truth", args->truth, "Write the source's true poses, where it carries them (TUM form)");
+  command->add_option("--textured", args->maps.ply, "Write the textured map (PLY)");
+  command->add_option("--model", args->maps.glb, "Write the textured map (glTF, .glb)");
+  command->add_option("--picture", args->maps.from_above, "Write the map seen from above, with a grid (.png or .svg)");
+  command->add_option("--side-picture", args->maps.side, "Write the map seen from the side (.png or .svg)");
+  command->add_option("--floor-plan", args->maps.floor_plan,
+                      "A floor plan to draw under --picture: YAML with image, resolution and origin");
   command->add_option("--set", args->settings, "NAME=VALUE: an option of the tracker or window (may be repeated)");
   command->callback([args, exit_code] { *exit_code = slam(*args); });
 }

@@ -9,12 +9,20 @@
 #include "core/bounded_queue.h"
 #include "core/error.h"
 #include "core/mutex.h"
+#include "tracker/stereo_check.h"
 
 namespace parallax {
 namespace {
 
 constexpr std::size_t kArriving = 2;    // pairs that wait for the tracker; the newest are kept
 constexpr std::size_t kKeyframes = 64;  // that wait for the window
+constexpr int kFramesToRefuse = 20;     // a rig that shows itself wrong so early is refused, later it is told
+
+// The rig, not the moment, is at fault: no later pair will be better.
+bool is_lasting(StereoProblem problem) {
+  return problem == StereoProblem::swapped || problem == StereoProblem::rows_apart ||
+         problem == StereoProblem::one_image;
+}
 
 // World poses of the keyframes as the tracking thread knows them.
 class KnownPoses {
@@ -44,7 +52,10 @@ class FrontEnd {
  public:
   FrontEnd(const StereoCalibration& calibration, const SlamOptions& options, const std::string& name,
            const SlamObserver& observer)
-      : rectifier_(calibration, {}, name), odometry_(rectifier_.camera(), options.tracker), observer_(observer) {}
+      : rectifier_(calibration, {}, name),
+        odometry_(rectifier_.camera(), options.tracker, rectifier_.left_mask()),
+        name_(name),
+        observer_(observer) {}
 
   const StereoRectifier& rectifier() const { return rectifier_; }
 
@@ -60,6 +71,7 @@ class FrontEnd {
     rectifier_.rectify(pair, &images);
     SlamFrame frame;
     frame.rectification_ms = milliseconds_since(begin);
+    look_at_rig(images, pair.left.index, out);
     frame.result = odometry_.process(pair.left.index, pair.left.time, images.left, images.right);
     std::optional<StereoKeyframe> keyframe = std::move(frame.result.keyframe);
     frame.result.keyframe.reset();
@@ -73,9 +85,20 @@ class FrontEnd {
   }
 
  private:
+  // What is wrong with the rig is refused while nothing has been made of it, and told later.
+  void look_at_rig(const StereoImages& images, int frame, SlamResult* out) {
+    const auto verdict = watch_.look(images.left, images.right);
+    if (!verdict || verdict->text.empty()) return;
+    if (is_lasting(verdict->problem) && static_cast<int>(out->frames.size()) < kFramesToRefuse)
+      throw InputError(name_ + ": " + verdict->text);
+    out->warnings.push_back({frame, "frame " + std::to_string(frame) + ": " + verdict->text});
+  }
+
   StereoRectifier rectifier_;
   StereoOdometry odometry_;
+  StereoWatch watch_;
   KnownPoses known_;
+  std::string name_;
   SlamObserver observer_;
 };
 

@@ -22,8 +22,8 @@ struct StereoWindowOptions {
   // the last poses know of each other.
   int kept_poses = 8;
   int min_poses_per_point = 2;
-  double sigma_px = 0.25;  // of a measured coordinate
-  WindowOptions solver;
+  double sigma_px = 0.1;  // of a measured coordinate
+  WindowOptions solver{.min_sigma = 0.85};
 
   // Throws InputError when a value is out of range.
   void validate() const;
@@ -67,6 +67,7 @@ class StereoWindow {
   std::vector<StereoMapPoint> points() const;
   const std::vector<StereoWindowTiming>& timings() const { return timings_; }
   int windows() const { return windows_; }
+  const StereoCamera& camera() const { return camera_; }
 
  private:
   struct Observation {

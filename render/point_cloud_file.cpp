@@ -19,11 +19,11 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "both files are little-endian");
 
 template <typename Value>
-void append(const Value& value, std::string* bytes) {
+void append_bytes(const Value& value, std::string* bytes) {
   bytes->append(reinterpret_cast<const char*>(&value), sizeof value);
 }
 template <typename Value>
-void append(const Value& value, std::vector<unsigned char>* bytes) {
+void append_bytes(const Value& value, std::vector<unsigned char>* bytes) {
   const auto* begin = reinterpret_cast<const unsigned char*>(&value);
   bytes->insert(bytes->end(), begin, begin + sizeof value);
 }
@@ -65,9 +65,9 @@ void write_cloud_ply(const std::vector<ColouredPoint>& points, const std::string
   std::string bytes;
   bytes.reserve(points.size() * 19);
   for (const ColouredPoint& point : points) {
-    for (int i = 0; i < 3; ++i) append(point.position[i], &bytes);
-    append(point.rgb, &bytes);
-    append(point.sigma_m, &bytes);
+    for (int i = 0; i < 3; ++i) append_bytes(point.position[i], &bytes);
+    append_bytes(point.rgb, &bytes);
+    append_bytes(point.sigma_m, &bytes);
   }
   write_file_atomically(path, [&](std::ostream& out) {
     out << "ply\nformat binary_little_endian 1.0\ncomment textured map of Parallax, metres, world frame; sigma: metres "
@@ -96,12 +96,12 @@ void write_cloud_glb(const std::vector<ColouredPoint>& points, const Eigen::Vect
     const Eigen::Vector3f place = gltf_from_world * point.position;
     low = low.cwiseMin(place);
     high = high.cwiseMax(place);
-    for (int i = 0; i < 3; ++i) append(place[i], &data);
+    for (int i = 0; i < 3; ++i) append_bytes(place[i], &data);
   }
   const std::size_t place_bytes = data.size();
   for (const ColouredPoint& point : points) {
-    for (const std::uint8_t c : point.rgb) append(colours[c], &data);
-    append(std::uint16_t{65535}, &data);
+    for (const std::uint8_t c : point.rgb) append_bytes(colours[c], &data);
+    append_bytes(std::uint16_t{65535}, &data);
   }
   tinygltf::Primitive primitive;
   primitive.mode = TINYGLTF_MODE_POINTS;

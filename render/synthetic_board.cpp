@@ -129,7 +129,7 @@ RigidTransform camera_from_board(const CameraModel& camera, const BoardView& vie
   return pose;
 }
 
-double smooth_step(double x) {
+double board_step(double x) {
   x = std::clamp(x, 0.0, 1.0);
   return x * x * x * (x * (6 * x - 15) + 10);
 }
@@ -239,7 +239,7 @@ SyntheticMotion board_motion(const CameraModel& camera, std::uint64_t seed) {
     };
     const double moved = (frame % kPeriod + offset_s * kSyntheticFps - kBoardStillFrames) / kBoardMovingFrames;
     const RigidTransform a = view(step), b = view(step + 1);
-    const RigidTransform pose = a * RigidTransform::exp((a.inverse() * b).log() * smooth_step(moved));
+    const RigidTransform pose = a * RigidTransform::exp((a.inverse() * b).log() * board_step(moved));
     return pose * tremor->at(frame / kSyntheticFps + offset_s);
   };
   motion.label = [](int) { return FrameLabel{}; };

@@ -77,6 +77,9 @@ double score(const StereoCamera& camera, std::span<const StereoPoseObservation> 
   return total;
 }
 
+// Of Tukey's kernel, squared: three residuals together reach further than one.
+double kernel_width2(double scale) { return 1.6 * kTukeyWidth * kTukeyWidth * scale * scale; }
+
 double robust_scale(std::vector<double>* squared_per_dimension) {
   if (squared_per_dimension->empty()) return 1;
   const auto middle = squared_per_dimension->begin() + static_cast<std::ptrdiff_t>(squared_per_dimension->size() / 2);
@@ -167,7 +170,7 @@ StereoPoseSummary refine_stereo_pose(const StereoCamera& camera, std::span<const
     scale = std::max(options.min_scale, robust_scale(&squared));
   };
   const auto cost_of = [&](const RigidTransform& at, Matrix6d* normal, Vector6d* gradient, int* inliers) {
-    const double width2 = std::pow(kTukeyWidth * scale, 2) * 1.6;  // three residuals together: wider than one
+    const double width2 = kernel_width2(scale);
     double cost = 0;
     if (normal != nullptr) normal->setZero(), gradient->setZero(), *inliers = 0;
     for (std::size_t i = 0; i < n; ++i) {
@@ -215,14 +218,25 @@ StereoPoseSummary refine_stereo_pose(const StereoCamera& camera, std::span<const
   const Eigen::LDLT<Matrix6d> solver(normal);
   if (inliers < kLeastAgreeing || solver.info() != Eigen::Success || !(solver.vectorD().minCoeff() > 0)) return summary;
   pose.orthonormalise();
-  summary.covariance = scale * scale * solver.solve(Matrix6d::Identity());
+  // What the residuals really are decides (Huber 1981, section 6.3): inverse (sum of gradients squared) inverse.
+  Matrix6d spread = Matrix6d::Zero();
+  const double width2 = kernel_width2(scale);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!used[i] || !residual_of(camera, observations[i], pose, &residual, &jacobian)) continue;
+    const Vector6d pull =
+        tukey_weight(residual.squared / width2) * (jacobian.transpose() * (residual.information * residual.r));
+    spread += pull * pull.transpose();
+  }
+  const Matrix6d inverse = solver.solve(Matrix6d::Identity());
+  const double few = static_cast<double>(inliers) / std::max(1.0, inliers - 6 / 3.0);
+  // Never less than the information itself allows.
+  summary.covariance = few * inverse * spread * inverse + options.min_scale * options.min_scale * inverse;
   if (!summary.covariance.allFinite()) return summary;
   summary.ok = true;
   summary.inliers = inliers;
   summary.scale = scale;
   *camera_from_reference = pose;
   if (inlier != nullptr) {
-    const double width2 = std::pow(kTukeyWidth * scale, 2) * 1.6;
     inlier->assign(n, 0);
     for (std::size_t i = 0; i < n; ++i)
       (*inlier)[i] =

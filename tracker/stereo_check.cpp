@@ -22,6 +22,7 @@ constexpr double kBackwardsPx = 1.5;       // to the wrong side of infinity
 constexpr double kLeastShareMatched = 0.15;
 constexpr double kBlankShare = 0.02;     // an image with less texture than this is blank
 constexpr double kTexturedShare = 0.1;   // one that could be matched has more
+constexpr double kSameGrey = 0.1;        // mean difference in grey levels: two sensors' noise is more
 constexpr double kMostBackwards = 0.75;  // of all that were found: swapped
 
 GreyImage half_size(const GreyImage& image) {
@@ -156,7 +157,7 @@ std::string line(const char* format, Values... values) {
   return text;
 }
 
-void judge(const StereoCheckOptions& options, StereoVerdict* v) {
+void judge(const StereoCheckOptions& options, bool same, StereoVerdict* v) {
   const auto say = [v](StereoProblem problem, std::string text) {
     v->problem = problem;
     v->text = std::move(text);
@@ -178,6 +179,9 @@ void judge(const StereoCheckOptions& options, StereoVerdict* v) {
   if (v->corners < options.least_matches || std::max(v->left_texture, v->right_texture) < kBlankShare)
     return say(StereoProblem::too_little_texture,
                "both cameras see next to nothing to hold on to: a blank wall, or darkness");
+  if (same)
+    return say(StereoProblem::one_image,
+               "the left and the right image are one and the same: is one camera given twice?");
   const int found = v->matched + v->matched_backwards;
   if (found < options.least_matches || found < kLeastShareMatched * v->corners) {
     if (blank)
@@ -243,6 +247,8 @@ const char* to_string(StereoProblem problem) {
       return "unsynchronised";
     case StereoProblem::unrelated:
       return "unrelated";
+    case StereoProblem::one_image:
+      return "one image";
   }
   return "unknown";
 }
@@ -266,7 +272,8 @@ StereoVerdict check_stereo_pair(const GreyImage& left, const GreyImage& right, c
     for (double& row : rows) row = std::abs(row - verdict.row_offset_px);
     verdict.row_spread_px = 1.4826 * median(rows);
   }
-  judge(options, &verdict);
+  const double difference = cv::norm(left, right, cv::NORM_L1) / static_cast<double>(left.total());
+  judge(options, difference < kSameGrey, &verdict);
   return verdict;
 }
 

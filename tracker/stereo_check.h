@@ -39,6 +39,7 @@ enum class StereoProblem {
   rows_apart,      // all by the same: the calibration is not this rig's, a camera has moved, or nodding and out of step
   unsynchronised,  // here and there: the images are not of one moment, or the calibration is quite another's
   unrelated,       // hardly anything of one image is found in the other
+  one_image,       // both are the same image: one camera, given twice
 };
 const char* to_string(StereoProblem problem);  // "none", "too little texture"...
 

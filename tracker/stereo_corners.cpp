@@ -115,7 +115,7 @@ std::vector<Eigen::Vector2d> find_stereo_corners(const GreyImage& image, const s
     for (const Candidate& candidate : candidates) {
       if (added >= room || static_cast<int>(found.size()) >= missing) break;
       const Eigen::Vector2d p(candidate.x, candidate.y);
-      if (!near.is_free(p)) continue;
+      if (!near.is_free(p) || (!search.mask.empty() && search.mask(candidate.y, candidate.x) == 0)) continue;
       near.add(p);
       found.push_back(p);
       ++added;

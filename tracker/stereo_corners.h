@@ -16,6 +16,7 @@ struct CornerSearch {
   double min_distance_px = 15;
   double min_score = 3;  // smaller eigenvalue of the mean gradient matrix over 7x7 pixels, grey levels squared
   int border_px = 12;
+  GreyImage mask;  // 0: no corner there; empty: anywhere
 };
 
 // At most `wanted` less those taken, the best of each part of the image first.

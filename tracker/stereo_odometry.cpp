@@ -20,7 +20,7 @@ constexpr int kIterations = 10;             // of a window's alignment
 constexpr double kCapture_px = 4;           // a window settles this near to where it was looked for, else elsewhere
 constexpr double kUnknownDepth_m = 4;       // 1 / sigma of the inverse depth of what the right camera does not see
 constexpr double kOldestShape = 1.7;        // a window that looks so much larger or smaller is taken anew
-constexpr double kSteepest = 0.02;           // change of inverse depth a pixel, in parts of it
+constexpr double kSteepest = 0.02;          // change of inverse depth a pixel, in parts of it
 constexpr std::size_t kKeyframesKept = 40;  // whose place the tracker still knows when the window answers
 
 Eigen::Vector4d moved(const RigidTransform& b_from_a, const Eigen::Vector4d& point) {
@@ -62,10 +62,11 @@ const char* to_string(StereoState state) {
   return "?";
 }
 
-StereoOdometry::StereoOdometry(const StereoCamera& camera, const StereoTrackerOptions& options)
+StereoOdometry::StereoOdometry(const StereoCamera& camera, const StereoTrackerOptions& options, const GreyImage& mask)
     : camera_(camera),
       lens_(CameraModelKind::pinhole, camera.width, camera.height, camera.focal_px, camera.centre_px),
       options_(options),
+      mask_(mask),
       rng_(options.seed) {
   options_.validate();
 }
@@ -105,8 +106,8 @@ void StereoOdometry::take_window(Track* track, const RigidTransform& reference_f
 }
 
 bool StereoOdometry::refine_window(Track* track, const Eigen::Vector2d& guess, const RigidTransform& pose) const {
-  const AffineTemplate::Result found = track->window->align(now_->left_smooth, guess, track->linear, true, kIterations,
-                                                            perspective_of(*track, pose));
+  const AffineTemplate::Result found =
+      track->window->align(now_->left_smooth, guess, track->linear, true, kIterations, perspective_of(*track, pose));
   if (!found.converged || found.correlation < options_.min_correlation ||
       (found.position - guess).norm() > kCapture_px || !camera_.in_image(found.position, 4))
     return false;
@@ -183,7 +184,8 @@ StereoPoseSummary StereoOdometry::estimate(const RigidTransform& predicted, Rigi
     for (Track& track : tracks_) {
       Eigen::Vector3d expected;
       if (track.seen || !project(camera_, found, track.point, &expected) ||
-          !camera_.in_image({expected.x(), expected.z()}, 6) || !refine_window(&track, {expected.x(), expected.z()}, found))
+          !camera_.in_image({expected.x(), expected.z()}, 6) ||
+          !refine_window(&track, {expected.x(), expected.z()}, found))
         continue;
       find_right(&track, track.left.x() - (expected.x() - expected.y()), found);
       track.seen = more = true;
@@ -239,6 +241,7 @@ void StereoOdometry::add_features() {
   search.wanted = options_.features;
   search.min_distance_px = options_.min_distance_px;
   search.min_score = options_.min_corner_score;
+  search.mask = mask_;
   std::vector<Eigen::Vector2d> taken;
   for (const Track& track : tracks_) taken.push_back(track.left);
   for (const Eigen::Vector2d& corner : find_stereo_corners(now_->left.level[0], taken, search)) {
@@ -272,7 +275,7 @@ void StereoOdometry::make_keyframe(bool after_failure, StereoFrameResult* result
   if (keyframe.index > 0) {
     keyframe.previous_from_this = this_from_previous.inverse();
     const Matrix6d adjoint = keyframe.previous_from_this.adjoint();
-    keyframe.covariance = adjoint * covariance_ * adjoint.transpose();
+    keyframe.covariance = adjoint * motion_covariance() * adjoint.transpose();
   }
   for (RigidTransform& reference_from_earlier : reference_from_)
     reference_from_earlier = this_from_previous * reference_from_earlier;
@@ -293,6 +296,7 @@ void StereoOdometry::make_keyframe(bool after_failure, StereoFrameResult* result
   keyframe.right = now_->right;
   keyframe_tracks_ = static_cast<int>(tracks_.size());
   camera_from_reference_ = RigidTransform();
+  reference_covariance_ = after_failure ? Matrix6d::Zero() : covariance_;
   covariance_.setZero();
   result->reference = keyframe_;
   result->keyframe = std::move(keyframe);
@@ -391,8 +395,14 @@ StereoFrameResult StereoOdometry::process(int frame, Timestamp time, const GreyI
   }
   result.reference = std::max(0, keyframe_);
   result.reference_from_camera = camera_from_reference_.inverse();
-  result.covariance = covariance_;
+  result.covariance = motion_covariance();
   return result;
+}
+
+Matrix6d StereoOdometry::motion_covariance() const {
+  if (covariance_.isZero(0)) return covariance_;
+  const Matrix6d adjoint = camera_from_reference_.adjoint();
+  return covariance_ + adjoint * reference_covariance_ * adjoint.transpose();
 }
 
 void StereoOdometry::take(const StereoWindowUpdate& update) {

@@ -50,7 +50,8 @@ struct StereoTrackView {
 class StereoOdometry {
  public:
   // Options are validated; throws InputError.
-  StereoOdometry(const StereoCamera& camera, const StereoTrackerOptions& options);
+  // `mask`: where the left image shows something (camera/stereo_rectification); empty: everywhere.
+  StereoOdometry(const StereoCamera& camera, const StereoTrackerOptions& options, const GreyImage& mask = {});
 
   // The next rectified pair; images are shared and must not be written to afterwards.
   StereoFrameResult process(int frame, Timestamp time, const GreyImage& left, const GreyImage& right);
@@ -97,11 +98,14 @@ class StereoOdometry {
   bool begin_track(const Eigen::Vector2d& corner, Track* track) const;
   void make_keyframe(bool after_failure, StereoFrameResult* result);
   void renew_windows();
+  // Of camera_from_reference: both ends are uncertain.
+  Matrix6d motion_covariance() const;
   RowSearch row_search() const;
 
   StereoCamera camera_;
   CameraModel lens_;  // of the left camera
   StereoTrackerOptions options_;
+  GreyImage mask_;
   std::mt19937_64 rng_;
   std::unique_ptr<Images> now_, last_;
   std::vector<Track> tracks_;
@@ -113,7 +117,8 @@ class StereoOdometry {
   int keyframe_ = -1;                                // the reference
   int keyframe_tracks_ = 0;                          // it had
   RigidTransform camera_from_reference_, velocity_;  // now_from_last
-  Matrix6d covariance_ = Matrix6d::Zero();
+  // Of the camera against the points: now, and of the reference when it was taken.
+  Matrix6d covariance_ = Matrix6d::Zero(), reference_covariance_ = Matrix6d::Zero();
   std::vector<RigidTransform> reference_from_;  // earlier keyframes, the newest last, as odometry had them
   int oldest_keyframe_ = 0;                     // of reference_from_[0]
 };

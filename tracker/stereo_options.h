@@ -17,7 +17,7 @@ struct StereoTrackerOptions {
   double max_round_trip_px = 0.7;    // tracked forward and back again
   double max_row_difference_px = 1;  // between the left and the right image
   double nearest_m = 0.35;           // what is nearer is not looked for in the right image
-  double sigma_px = 0.25;            // of a measured coordinate
+  double sigma_px = 0.1;             // of a measured coordinate
   double keyframe_distance_m = 0.2;  // MS §3.2: motion from one pose to the next, either...
   double keyframe_angle_rad = 0.2;   // ...or
   double keyframe_kept = 0.4;        // or so few of the last pose's tracks are left

@@ -71,6 +71,7 @@ TEST(StereoCheck, NamesWhatIsWrongWithARenderedPair) {
     expect_problem(check_stereo_pair(l, darker), none);
 
     expect_problem(check_stereo_pair(r, l), swapped);
+    expect_problem(check_stereo_pair(l, l.clone()), one_image);
     const StereoVerdict apart = check_stereo_pair(l, rows_down(r, 2));
     expect_problem(apart, rows_apart);
     EXPECT_NEAR(apart.row_offset_px, 2, 0.15);
