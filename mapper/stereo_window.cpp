@@ -34,6 +34,7 @@ void StereoWindowOptions::validate() const {
   require(kept_poses >= 1 && kept_poses < poses, "kept_poses", kept_poses, "1 to below poses");
   require(min_poses_per_point >= 1, "min_poses_per_point", min_poses_per_point, "1 or more");
   require(sigma_px > 0, "sigma_px", sigma_px, "above 0");
+  require(noise_part > 0, "noise_part", noise_part, "above 0");
 }
 
 StereoWindow::StereoWindow(const StereoCamera& camera, const StereoWindowOptions& options)
@@ -58,6 +59,8 @@ StereoWindowUpdate StereoWindow::add(const StereoKeyframe& keyframe, const Inter
     constraint.after_failure = true;
     constraints_.push_back(constraint);
     handed_over_ = keyframe.index;
+    for (const auto& [track, point] : points_)
+      if (const auto placed = place(point)) left_points_.push_back(*placed);
     window_.clear();
     points_.clear();
   }
@@ -182,7 +185,7 @@ void StereoWindow::hand_over(int kept) {
     const WindowProblem problem = make_problem(&tracks, &source);
     WindowOptions solver = options_.solver;
     solver.estimate_sigma = false;
-    solver.fixed_sigma = std::max(solver.min_sigma, timings_.empty() ? 1.0 : timings_.back().sigma);
+    solver.fixed_sigma = options_.noise_part * std::max(solver.min_sigma, timings_.empty() ? 1.0 : timings_.back().sigma);
     std::vector<Matrix6d> covariances;
     const bool known = window_covariance(problem, solver, pairs, &covariances);
     for (std::size_t i = 0; i < pairs.size(); ++i) {

@@ -23,7 +23,10 @@ struct StereoWindowOptions {
   int kept_poses = 8;
   int min_poses_per_point = 2;
   double sigma_px = 0.1;  // of a measured coordinate
-  WindowOptions solver{.min_sigma = 0.85};
+  WindowOptions solver;
+  // Noise of a coordinate as the constraints tell it, in parts of sigma_px times the kernel's scale, whose floor is
+  // wide on purpose. Measured by bench/stereo_consistency.
+  double noise_part = 0.85;
 
   // Throws InputError when a value is out of range.
   void validate() const;
