@@ -34,10 +34,8 @@ void draw_cross_hairs(ImDrawList* list, const PictureArea& a, const CameraModel*
   list->AddCircleFilled({x, y}, 2.0f, kHairs);
 }
 
-}  // namespace
-
-void draw_game_hud(const GameHudView& view) {
-  ImDrawList* list = ImGui::GetBackgroundDrawList();
+// Cross-hairs, score, gauges and lines.
+void draw_standing(const GameHudView& view, ImDrawList* list) {
   const PictureArea& a = view.area;
   const float unit = ImGui::GetFontSize();
   if (view.hud.cross_hairs && view.status.empty()) draw_cross_hairs(list, a, view.camera);
@@ -60,6 +58,15 @@ void draw_game_hud(const GameHudView& view) {
     shaded_text(list, a.x + 0.75f * unit, y + 0.1f * unit, unit, line);
     y += 1.5f * unit;
   }
+}
+
+}  // namespace
+
+void draw_game_hud(const GameHudView& view) {
+  ImDrawList* list = ImGui::GetBackgroundDrawList();
+  const PictureArea& a = view.area;
+  const float unit = ImGui::GetFontSize();
+  if (view.begun) draw_standing(view, list);
 
   // One thing at a time in the middle: why nothing moves, before what the game says.
   const std::string& middle = view.status.empty() ? view.hud.message : view.status;

@@ -19,6 +19,7 @@ struct GameHudView {
   std::string below{};  // a smaller line below it: what can be done now
   // Where its optical axis lies in the picture the cross-hairs are; null: in the middle.
   const CameraModel* camera = nullptr;
+  bool begun = true;  // else there is no score yet, and nothing to say but the status
 };
 
 void draw_game_hud(const GameHudView& view);

@@ -91,7 +91,11 @@ bool draw_card(const MenuGame& game, void* picture, bool selected, bool marked, 
   const float edge = 0.2f * unit();
   if (picture != nullptr)
     list->AddImage(picture, {at.x + edge, at.y + edge}, {at.x + width - edge, at.y + height - edge});
-  if (selected) list->AddRect(at, corner(at, size), marked ? kInterfaceAmber : kQuiet, 0.3f * unit(), 0, 3);
+  if (selected) {
+    list->AddRect(at, corner(at, size), marked ? kInterfaceAmber : kQuiet, 0.3f * unit(), 0, 3);
+  } else if (ImGui::IsItemHovered()) {
+    list->AddRect(at, corner(at, size), kQuiet, 0.3f * unit(), 0, 1);
+  }
   const ImVec2 extent = text_extent(game.info.title);
   text_at(list, at.x + (width - extent.x) / 2, at.y + height + (below - extent.y) / 2 - edge / 2, kInterfaceText,
           game.info.title);
@@ -169,7 +173,7 @@ MenuChoice draw_explanation(const GameMenuView& view, GameMenu* menu, GameStore*
   return draw_buttons(menu, store);
 }
 
-// One row: its label marks it, its value is changed where it is clicked.
+// One row: its label marks it, its value is changed where it is clicked, and by the wheel.
 void draw_setting(const GameSettingRow& row, std::size_t index, const GameInfo& info, GameMenu* menu,
                   GameStore* store) {
   ImGui::PushID(static_cast<int>(index));
@@ -178,13 +182,21 @@ void draw_setting(const GameSettingRow& row, std::size_t index, const GameInfo& 
   const float width = ImGui::GetContentRegionAvail().x, height = kRow * unit(), label = kLabelShare * width;
   const ImVec2 at = ImGui::GetCursorScreenPos();
   if (ImGui::InvisibleButton("label", {label, height})) menu->mark_row(index);
-  if (marked) list->AddRectFilled(at, {at.x + width, at.y + height}, kMarked, 0.25f * unit());
+  const bool hovered = ImGui::IsWindowHovered() && ImGui::IsMouseHoveringRect(at, {at.x + width, at.y + height});
+  if (marked || hovered)
+    list->AddRectFilled(at, {at.x + width, at.y + height}, marked ? kMarked : kHovered, 0.25f * unit());
   const float text_y = at.y + (height - unit()) / 2;
   text_at(list, at.x + 0.4f * unit(), text_y, kInterfaceText, row.label + (row.later ? " (next game)" : ""));
   ImGui::SameLine(0, 0);
   const float left = at.x + label, bar = row.share ? 0.5f * (width - label) : 0;
   ImGui::InvisibleButton("value", {width - label, height});
   if (ImGui::IsItemActivated()) menu->mark_row(index);
+  // Where the panel is taller than the window the wheel is for going through it.
+  const float wheel = ImGui::GetIO().MouseWheel;
+  if (wheel != 0 && ImGui::IsItemHovered() && ImGui::GetScrollMaxY() <= 0) {
+    menu->mark_row(index);
+    step_game_setting(row, info, wheel > 0 ? 1 : -1, store);
+  }
   const float mouse_x = ImGui::GetIO().MousePos.x;
   if (row.share) {
     filled_bar(list, {left, at.y + 0.35f * height}, {left + bar, at.y + 0.65f * height}, static_cast<float>(*row.share),

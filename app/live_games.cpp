@@ -270,6 +270,7 @@ void LiveGames::draw_interface(const PictureArea& area, const KeyBindings& keys)
     view.below = keys.chord_names(Action::game_pause) + ": go on   " + keys.chord_names(Action::help) +
                  ": how to play   " + keys.chord_names(Action::next_game) + ": games";
   }
+  if (session_->runner().phase() == GamePhase::idle) view.begun = false;
   palette_.apply(&view.hud);
   draw_game_hud(view);
 }

@@ -47,10 +47,16 @@ class Painter {
     ring(state_.home, 0.03, 10, {0.75f, 0.80f, 0.85f, 0.55f}, 1.5f);
     for (const Pickup& pickup : state_.pickups) paint(pickup);
     for (const Critter& critter : state_.critters) paint(critter);
-    if (!state_.over) paint_robot();
+    if (state_.over) {
+      paint_wreck();
+    } else {
+      paint_robot();
+    }
     for (const Bolt& bolt : state_.bolts) paint(bolt);
     for (const Spit& spit : state_.spits) paint(spit);
-    for (const Spark& spark : simulation_.sparks()) paint(spark);
+    // At the end the sparks of the last blow stand still where they were born: a white ball, were they drawn.
+    if (!state_.over)
+      for (const Spark& spark : simulation_.sparks()) paint(spark);
     paint_blast();
     if (!state_.over) paint_reticle();
   }
@@ -143,6 +149,17 @@ class Painter {
     }
     if (robot.reload_ticks > kReload - 5)
       sprite(world(robot.position + 0.08 * robot.aim, kBoltHeight), 0.035, {1, 0.85f, 0.4f, 0.9f}, true);
+  }
+
+  // On its side, dark, and smoking.
+  void paint_wreck() {
+    const Robot& robot = state_.robot;
+    Affine3f at = placed(robot.position, 0.46 * kRobotLength, robot.heading, kRobotLength);
+    at.rotate(AngleAxisf(1.75f, Vector3f::UnitX()));
+    draw_model(models_.model("robot"), at, {0.42f, 0.42f, 0.45f, 1}, 0, {}, &out_);
+    for (int k = 0; k < 4; ++k)
+      sprite(world(robot.position + 0.012 * k * robot.right, 0.07 + 0.035 * k), 0.03 + 0.012 * k,
+             {0.3f, 0.3f, 0.32f, 0.45f - 0.1f * static_cast<float>(k)}, false);
   }
 
   void paint(const Bolt& bolt) {

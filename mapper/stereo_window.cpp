@@ -185,7 +185,8 @@ void StereoWindow::hand_over(int kept) {
     const WindowProblem problem = make_problem(&tracks, &source);
     WindowOptions solver = options_.solver;
     solver.estimate_sigma = false;
-    solver.fixed_sigma = options_.noise_part * std::max(solver.min_sigma, timings_.empty() ? 1.0 : timings_.back().sigma);
+    solver.fixed_sigma =
+        options_.noise_part * std::max(solver.min_sigma, timings_.empty() ? 1.0 : timings_.back().sigma);
     std::vector<Matrix6d> covariances;
     const bool known = window_covariance(problem, solver, pairs, &covariances);
     for (std::size_t i = 0; i < pairs.size(); ++i) {

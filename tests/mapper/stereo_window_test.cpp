@@ -222,6 +222,7 @@ TEST(StereoWindow, CovariancesAreTheSizeOfTheErrors) {
     walk.make(100 + run);
     StereoWindowOptions options = said(0.2);
     options.solver.estimate_sigma = false;
+    options.noise_part = 1;  // what is said is what is there
     StereoWindow window(kCamera, options);
     add_all(walk, &window);
     const StereoConstraint& c = window.constraints()[3];

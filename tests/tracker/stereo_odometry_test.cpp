@@ -111,7 +111,8 @@ TEST(StereoOdometry, FollowsTheTruth) {
   }
   EXPECT_GE(keyframes.size(), 3u);
   ASSERT_GT(disparity_errors.size(), 200u);
-  std::nth_element(disparity_errors.begin(), disparity_errors.begin() + disparity_errors.size() / 2,
+  std::nth_element(disparity_errors.begin(),
+                   disparity_errors.begin() + static_cast<std::ptrdiff_t>(disparity_errors.size() / 2),
                    disparity_errors.end());
   EXPECT_LT(disparity_errors[disparity_errors.size() / 2], 0.1);
   RecordProperty("nees", std::to_string(nees / compared));
@@ -185,7 +186,9 @@ TEST(StereoOdometry, RightCameraCoveredForAMoment) {
     const StereoFrameResult result =
         blind ? step_with(&odometry, i, s.frame(i).left.grey, covered) : step(&odometry, i);
     ASSERT_NE(result.state, StereoState::failed) << result.reason;
-    if (blind) EXPECT_EQ(result.right_matches, 0);
+    if (blind) {
+      EXPECT_EQ(result.right_matches, 0);
+    }
     if (result.keyframe) start_from_reference = start_from_reference * result.keyframe->previous_from_this;
     EXPECT_LT(((start_from_reference * result.reference_from_camera).t - s.truth(0, i).t).norm(), 0.02) << i;
   }
