@@ -113,7 +113,8 @@ struct RunDrawing::Implementation {
       extra.interface = [&](const PictureArea& area) {
         if (job.map && !job.map->empty())
           draw_game_hud({area, stage->game->runner().game().info().title, stage->game->runner().game().hud(),
-                         stage->game->status(), stage->game->advice(), &camera});
+                         stage->game->status(), stage->game->advice(), &camera,
+                         stage->game->runner().phase() != GamePhase::idle});
       };
     }
     write(job.frame, stage->view->draw(job.frame, job.tracked, job.map.get(), nullptr, {}, extra));

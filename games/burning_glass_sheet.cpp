@@ -169,11 +169,15 @@ void Sheet::burn(const Material& material, const LightOnSheet* light, double dt_
       temperature_[i] =
           std::min(temperature + static_cast<float>(material.smoulder_k * added), static_cast<float>(kHottest_k));
       if (rate <= kScorchPerSecond || material.spread_k <= 0) continue;
-      const float gift = static_cast<float>(material.spread_k * added);
-      if (column > 0) gifts_.push_back({i - 1, gift});
-      if (column + 1 < kSheetCells) gifts_.push_back({i + 1, gift});
-      if (row > 0) gifts_.push_back({i - kSheetCells, gift});
-      if (row + 1 < kSheetCells) gifts_.push_back({i + kSheetCells, gift});
+      // To all eight neighbours, so that what spreads keeps no corners: over a straight edge a cell gets a little more than
+      // one whole gift.
+      for (int dy = -1; dy <= 1; ++dy)
+        for (int dx = -1; dx <= 1; ++dx) {
+          const int x = column + dx, y = row + dy;
+          if ((dx == 0 && dy == 0) || x < 0 || y < 0 || x >= kSheetCells || y >= kSheetCells) continue;
+          const double part = dx == 0 || dy == 0 ? 0.58 : 0.29;
+          gifts_.push_back({SheetGrid::index(x, y), static_cast<float>(part * material.spread_k * added)});
+        }
     }
   }
   // After all cells, so that the order in which they are looked at has no effect.

@@ -9,6 +9,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/time.h"
+#include "solver/stereo_pose.h"
 
 namespace parallax {
 namespace {
@@ -117,6 +118,20 @@ WindowProblem StereoWindow::make_problem(std::vector<std::int64_t>* tracks,
   return problem;
 }
 
+// The newest pose from the points that are known already.
+bool StereoWindow::place_newest(const std::vector<std::int64_t>& tracks) {
+  RigidTransform& newest = pose_of(window_.back());
+  const RigidTransform previous = pose_of(window_[window_.size() - 2]), previous_from_world = previous.inverse();
+  std::vector<StereoPoseObservation> seen;
+  for (const Observation& o : window_.back().observations)
+    if (std::binary_search(tracks.begin(), tracks.end(), o.track))
+      seen.push_back({moved(previous_from_world, points_[o.track].world), 0, o.pixel, options_.sigma_px});
+  RigidTransform newest_from_previous = newest.inverse() * previous;
+  if (!refine_stereo_pose(camera_, seen, {}, &newest_from_previous, nullptr).ok) return false;
+  newest = previous * newest_from_previous.inverse();
+  return true;
+}
+
 void StereoWindow::smooth(StereoWindowTiming* timing, StereoWindowUpdate* update, const Interruption& stop) {
   if (window_.size() < 2) return;
   const auto begin = SteadyClock::now();
@@ -124,7 +139,20 @@ void StereoWindow::smooth(StereoWindowTiming* timing, StereoWindowUpdate* update
   std::vector<std::pair<int, int>> source;
   WindowProblem problem = make_problem(&tracks, &source);
   std::vector<std::uint8_t> outlier;
-  const WindowSummary summary = smooth_window(&problem, options_.solver, stop, &outlier);
+  WindowSummary summary = smooth_window(&problem, options_.solver, stop, &outlier);
+  // A newest pose that was told wrongly fits nothing, and the kernel lets go of it as a whole: from a better place, then.
+  int of_newest = 0, wrong_of_newest = 0;
+  for (std::size_t i = 0; i < outlier.size(); ++i) {
+    if (problem.observations[i].pose + 1 != static_cast<int>(window_.size())) continue;
+    ++of_newest;
+    wrong_of_newest += outlier[i];
+  }
+  if (!summary.failed && 2 * wrong_of_newest > of_newest && place_newest(tracks)) {
+    tracks.clear();
+    source.clear();
+    problem = make_problem(&tracks, &source);
+    summary = smooth_window(&problem, options_.solver, stop, &outlier);
+  }
   timing->poses = static_cast<int>(window_.size());
   timing->points = static_cast<int>(tracks.size());
   timing->observations = static_cast<int>(problem.observations.size());

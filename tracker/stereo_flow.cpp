@@ -35,7 +35,7 @@ std::optional<Eigen::Vector2d> track_forward_backward(const ImagePyramid& last, 
                                                       const FlowOptions& options) {
   const auto there = track(last, next, from, guess, options.coarsest_level);
   if (!there) return std::nullopt;
-  // Back from where it began: the way back is to find its place again by itself, from a pixel aside.
+  // Back, from where it began: what has changed on the way does not find its place again. A repeated pattern does.
   const auto back = track(next, last, *there, from, std::min(1, options.coarsest_level));
   if (!back || (*back - from).norm() > options.max_round_trip_px) return std::nullopt;
   return there;
