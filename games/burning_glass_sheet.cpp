@@ -169,8 +169,8 @@ void Sheet::burn(const Material& material, const LightOnSheet* light, double dt_
       temperature_[i] =
           std::min(temperature + static_cast<float>(material.smoulder_k * added), static_cast<float>(kHottest_k));
       if (rate <= kScorchPerSecond || material.spread_k <= 0) continue;
-      // To all eight neighbours, so that what spreads keeps no corners: over a straight edge a cell gets a little more than
-      // one whole gift.
+      // To all eight neighbours, so that what spreads keeps no corners: over a straight edge a cell gets a little more
+      // than one whole gift.
       for (int dy = -1; dy <= 1; ++dy)
         for (int dx = -1; dx <= 1; ++dx) {
           const int x = column + dx, y = row + dy;

@@ -15,7 +15,8 @@ namespace parallax {
 namespace {
 
 constexpr double kFarthest_px = 1.0;  // disparity of what is still placed on the feature map
-constexpr int kPosesOnMap = 3;        // that saw it
+constexpr double kFitsWithin_sigmas = 3;
+constexpr int kPosesOnMap = 3;  // that saw it
 
 Eigen::Vector4d moved(const RigidTransform& b_from_a, const Eigen::Vector4d& point) {
   Eigen::Vector4d out;
@@ -118,41 +119,37 @@ WindowProblem StereoWindow::make_problem(std::vector<std::int64_t>* tracks,
   return problem;
 }
 
-// The newest pose from the points that are known already.
-bool StereoWindow::place_newest(const std::vector<std::int64_t>& tracks) {
+// A newest pose that was told wrongly fits nothing, and the kernel would let go of it as a whole: it is placed by the
+// points that are known already.
+void StereoWindow::place_newest() {
   RigidTransform& newest = pose_of(window_.back());
   const RigidTransform previous = pose_of(window_[window_.size() - 2]), previous_from_world = previous.inverse();
-  std::vector<StereoPoseObservation> seen;
-  for (const Observation& o : window_.back().observations)
-    if (std::binary_search(tracks.begin(), tracks.end(), o.track))
-      seen.push_back({moved(previous_from_world, points_[o.track].world), 0, o.pixel, options_.sigma_px});
   RigidTransform newest_from_previous = newest.inverse() * previous;
-  if (!refine_stereo_pose(camera_, seen, {}, &newest_from_previous, nullptr).ok) return false;
-  newest = previous * newest_from_previous.inverse();
-  return true;
+  std::vector<StereoPoseObservation> seen;
+  std::size_t wrong = 0;
+  for (const Observation& o : window_.back().observations) {
+    const Point& point = points_[o.track];
+    if (point.seen < 2) continue;  // by this pose alone
+    seen.push_back({moved(previous_from_world, point.world), 0, o.pixel, options_.sigma_px});
+    const Eigen::Vector4d here = moved(newest_from_previous, seen.back().point);
+    const Eigen::Vector2d pixel =
+        camera_.centre_px + camera_.focal_px.cwiseProduct(here.head<2>() / std::max(1e-9, here.z()));
+    wrong += static_cast<std::size_t>((pixel - Eigen::Vector2d(o.pixel.x(), o.pixel.z())).norm() >
+                                      kFitsWithin_sigmas * options_.sigma_px);
+  }
+  if (2 * wrong > seen.size() && refine_stereo_pose(camera_, seen, {}, &newest_from_previous, nullptr).ok)
+    newest = previous * newest_from_previous.inverse();
 }
 
 void StereoWindow::smooth(StereoWindowTiming* timing, StereoWindowUpdate* update, const Interruption& stop) {
   if (window_.size() < 2) return;
   const auto begin = SteadyClock::now();
+  place_newest();
   std::vector<std::int64_t> tracks;
   std::vector<std::pair<int, int>> source;
   WindowProblem problem = make_problem(&tracks, &source);
   std::vector<std::uint8_t> outlier;
-  WindowSummary summary = smooth_window(&problem, options_.solver, stop, &outlier);
-  // A newest pose that was told wrongly fits nothing, and the kernel lets go of it as a whole: from a better place, then.
-  int of_newest = 0, wrong_of_newest = 0;
-  for (std::size_t i = 0; i < outlier.size(); ++i) {
-    if (problem.observations[i].pose + 1 != static_cast<int>(window_.size())) continue;
-    ++of_newest;
-    wrong_of_newest += outlier[i];
-  }
-  if (!summary.failed && 2 * wrong_of_newest > of_newest && place_newest(tracks)) {
-    tracks.clear();
-    source.clear();
-    problem = make_problem(&tracks, &source);
-    summary = smooth_window(&problem, options_.solver, stop, &outlier);
-  }
+  const WindowSummary summary = smooth_window(&problem, options_.solver, stop, &outlier);
   timing->poses = static_cast<int>(window_.size());
   timing->points = static_cast<int>(tracks.size());
   timing->observations = static_cast<int>(problem.observations.size());

@@ -92,7 +92,7 @@ class StereoWindow {
 
   void smooth(StereoWindowTiming* timing, StereoWindowUpdate* update, const Interruption& stop);
   WindowProblem make_problem(std::vector<std::int64_t>* tracks, std::vector<std::pair<int, int>>* source) const;
-  bool place_newest(const std::vector<std::int64_t>& tracks);
+  void place_newest();
   void hand_over(int kept);
   std::optional<StereoMapPoint> place(const Point& point) const;
   RigidTransform& pose_of(const Pose& pose) { return poses_[static_cast<std::size_t>(pose.index)].world_from_camera; }

@@ -184,6 +184,26 @@ TEST(StereoWindow, NoisyIsBetterThanOdometryAlone) {
   EXPECT_LT(window_error / 4, 0.02);  // of 6 m
 }
 
+// A pose told wrongly by half a centimetre must not be let go of with all that it saw.
+TEST(StereoWindow, OdometryThatIsFarOffIsMended) {
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    Walk walk;
+    walk.noise_px = 0.1;
+    walk.odometry_m = 0.005;
+    walk.odometry_rad = 0.001;
+    walk.make(seed);
+    StereoWindow window(kCamera, said(0.1));
+    for (const StereoKeyframe& keyframe : walk.made) {
+      int dropped = 0;
+      const StereoWindowUpdate update = window.add(keyframe);
+      for (const auto& point : update.points) dropped += static_cast<int>(point.outlier);
+      EXPECT_LE(2 * dropped, static_cast<int>(keyframe.measurements.size())) << "keyframe " << keyframe.index;
+    }
+    window.finish();
+    EXPECT_LT(worst_position(window.poses(), walk.truth), 0.02) << "seed " << seed;
+  }
+}
+
 TEST(StereoWindow, TracksThatSlideAreFoundOut) {
   Walk walk;
   walk.noise_px = 0.1;
