@@ -8,6 +8,7 @@
 #include <atomic>
 #include <filesystem>
 #include <fstream>
+#include <opencv2/core.hpp>
 
 #include "app/map_finder.h"
 #include "app/map_library.h"
