@@ -23,7 +23,7 @@ struct Run {
   const char* name;
   std::function<WindowSummary()> solve;
   double best_ms = 1e300;
-  WindowSummary summary;
+  WindowSummary summary{};
 };
 
 // Interleaved, best of several: other work on the machine hits all of them alike.
@@ -83,7 +83,7 @@ void compare_window(int poses, int points, double seen, int repetitions) {
            {"covariances",
             [&] {
               std::vector<Matrix6d> covariances;
-              WindowSummary summary;
+              WindowSummary summary{};
               summary.failed = !window_covariance(smoothed, used, pairs, &covariances);
               return summary;
             }}},
