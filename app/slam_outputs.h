@@ -1,4 +1,6 @@
-// What a stereo session leaves behind: trajectories are written by core/trajectory; these are the rest.
+// What a stereo session leaves behind: trajectories are written by core/trajectory; these are the rest. World of the
+// session (its first keyframe's left camera), metres, milliseconds. Files are written beside and renamed; RunError when
+// one cannot be. Plain functions, safe from any thread.
 #pragma once
 
 #include <string>

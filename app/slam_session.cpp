@@ -78,7 +78,10 @@ class FrontEnd {
     if (keyframe) known_.add(*keyframe);
     frame.is_keyframe = keyframe.has_value();
     frame.world_from_reference = known_.world_from(frame.result.reference);
-    if ((keyframe && keyframe->after_failure) || !frame.has_pose()) ++out->failures;
+    const bool failed = (keyframe && keyframe->after_failure) || !frame.has_pose();
+    if (failed) ++out->failures;
+    if (failed && !failing_) look_for_reason(images, frame.result, out);
+    failing_ = failed;
     if (observer_) observer_(frame, images, odometry_);
     out->frames.push_back(std::move(frame));
     return keyframe;
@@ -94,9 +97,17 @@ class FrontEnd {
     out->warnings.push_back({frame, "frame " + std::to_string(frame) + ": " + verdict->text});
   }
 
+  // Told once a failure: of the rig, or of what is seen.
+  static void look_for_reason(const StereoImages& images, const StereoFrameResult& result, SlamResult* out) {
+    const StereoVerdict verdict = check_stereo_pair(images.left, images.right);
+    const std::string& why = verdict.text.empty() ? result.reason : verdict.text;
+    out->warnings.push_back({result.frame, "frame " + std::to_string(result.frame) + ": the motion was lost: " + why});
+  }
+
   StereoRectifier rectifier_;
   StereoOdometry odometry_;
   StereoWatch watch_;
+  bool failing_ = false;
   KnownPoses known_;
   std::string name_;
   SlamObserver observer_;

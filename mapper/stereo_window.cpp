@@ -68,8 +68,6 @@ StereoWindowUpdate StereoWindow::add(const StereoKeyframe& keyframe, const Inter
   }
   Pose pose;
   pose.index = keyframe.index;
-  pose.after_failure = keyframe.after_failure;
-  pose.previous_from_this = keyframe.previous_from_this;
   pose.covariance = keyframe.covariance;
   for (const StereoMeasurement& m : keyframe.measurements) {
     pose.observations.push_back({m.track, m.pixel});

@@ -79,9 +79,7 @@ class StereoWindow {
   };
   struct Pose {
     int index = 0;
-    bool after_failure = false;
-    RigidTransform previous_from_this;  // odometry's
-    Matrix6d covariance = Matrix6d::Zero();
+    Matrix6d covariance = Matrix6d::Zero();  // of the motion to it, odometry's
     std::vector<Observation> observations;
   };
   struct Point {

@@ -384,7 +384,7 @@ StereoFrameResult StereoOdometry::process(int frame, Timestamp time, const GreyI
       tracks_.clear();
     } else {
       if (!first) {
-        result.reason = "the motion was lost";
+        result.reason = "too few features agree on a motion";
         const double m2 = options_.failure_sigma_m * options_.failure_sigma_m;
         const double r2 = options_.failure_sigma_rad * options_.failure_sigma_rad;
         covariance_ = (Vector6d() << m2, m2, m2, r2, r2, r2).finished().asDiagonal();
