@@ -1,5 +1,6 @@
 // `parallax slam` as a user meets it: accuracy on the stereo recordings as limits that fail, repeatability, two threads
 // at the pace of the time stamps, and input that is not as it should be.
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -198,6 +199,28 @@ TEST(Slam, MissingRightImagesAreSurvived) {
   EXPECT_LE(run.trajectory.size(), 30u);
   EXPECT_EQ(run.report.at("failures"), 0);
   EXPECT_GT(run.report.at("warnings").size(), 0u);
+}
+
+TEST(Slam, DarknessIsToldAndSurvived) {
+  if (!fs::exists(recording("building_a"))) GTEST_SKIP() << recording("building_a") << " is absent";
+  const ScratchFolder scratch;
+  const fs::path pairs = altered_copy(scratch, 50, false, [](int) { return true; });
+  for (const char* camera : {"cam0", "cam1"}) {
+    std::vector<fs::path> images;
+    for (const auto& entry : fs::directory_iterator(pairs / "mav0" / camera / "data")) images.push_back(entry.path());
+    std::sort(images.begin(), images.end());
+    ASSERT_EQ(images.size(), 50u);
+    for (std::size_t row = 20; row < 30; ++row) {  // what an image is, its content says
+      fs::remove(images[row]);
+      std::ofstream(images[row]) << "P5 512 384 255\n" << std::string(512 * 384, '\x06');
+    }
+  }
+  const SlamRun run = run_slam_on(pairs.string(), {"--pace", "lockstep", "--no-truth"});
+  ASSERT_EQ(run.process.exit_code, 0) << run.process.err;
+  EXPECT_NE(run.process.err.find("frame 20: the motion was lost: both cameras see next to nothing"), std::string::npos)
+      << run.process.err;
+  EXPECT_EQ(run.trajectory.size(), 40u);
+  EXPECT_EQ(run.report.at("failures"), 11);  // ten in the dark, and the one that begins anew
 }
 
 TEST(Slam, SwappedCamerasAreToldSo) {
