@@ -5,6 +5,8 @@
 #include <vector>
 
 #include "app/command.h"
+#include "app/matching_training.h"
+#include "app/place_vocabulary.h"
 #include "app/progress_bar.h"
 #include "app/source.h"
 #include "core/error.h"
@@ -55,6 +57,20 @@ void train(const TrainArguments& args) {
   print_info(vocabulary, args.output);
 }
 
+struct MatchingArguments {
+  std::vector<std::string> sources;
+  std::string output, vocabulary;
+  MatchingTrainingOptions options;
+};
+
+void train_matching_weights(const MatchingArguments& args) {
+  const auto vocabulary = args.vocabulary.empty()
+                              ? place_vocabulary()
+                              : std::make_shared<const Vocabulary>(Vocabulary::load(args.vocabulary));
+  const CrfModel model = train_matching(args.sources, vocabulary, args.options, std::cout);
+  model.save(args.output);
+}
+
 }  // namespace
 
 void add_vocabulary_command(CLI::App& app, int*) {
@@ -74,6 +90,17 @@ void add_vocabulary_command(CLI::App& app, int*) {
   sub->add_option("--levels", args->options.levels, "Levels of the tree")->capture_default_str();
   sub->add_option("--seed", args->options.seed, "Of the clustering")->capture_default_str();
   sub->callback([args] { train(*args); });
+
+  auto matching = std::make_shared<MatchingArguments>();
+  CLI::App* crf =
+      command->add_subcommand("train-crf", "Learn the weights that scenes of stereo sessions are matched by");
+  crf->add_option("sources", matching->sources,
+                  "Stereo recordings with true poses; those of one world are joined by '+'")
+      ->required();
+  crf->add_option("--output", matching->output, "The weights' file")->required();
+  crf->add_option("--vocabulary", matching->vocabulary, "Vocabulary file (default: the program's own)");
+  crf->add_option("--every", matching->options.every_s, "Seconds between scenes")->capture_default_str();
+  crf->callback([matching] { train_matching_weights(*matching); });
 
   auto path = std::make_shared<std::string>();
   CLI::App* info = command->add_subcommand("info", "Say what is in a vocabulary file");

@@ -1,14 +1,12 @@
 #include "map/map_file_schema.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
+
+#include "map/byte_packing.h"
 
 namespace parallax::map_file {
 namespace {
-
-static_assert(std::endian::native == std::endian::little, "map files are little-endian");
 
 // Version 1.
 constexpr const char* kVersion1 = R"(
@@ -32,44 +30,6 @@ CREATE TABLE game(name TEXT PRIMARY KEY NOT NULL, state TEXT NOT NULL, checksum 
 constexpr const char* kMigrations[] = {kVersion1};
 
 constexpr std::size_t kMeasurementBytes = 32;
-
-template <class T>
-void append(T value, std::vector<std::byte>* bytes) {
-  const std::size_t before = bytes->size();
-  bytes->resize(before + sizeof value);
-  std::memcpy(bytes->data() + before, &value, sizeof value);
-}
-
-// Takes values off the front.
-class Reader {
- public:
-  explicit Reader(std::span<const std::byte> bytes) : bytes_(bytes) {}
-  template <class T>
-  bool take(T* value) {
-    if (bytes_.size() < sizeof(T)) return false;
-    std::memcpy(value, bytes_.data(), sizeof(T));
-    bytes_ = bytes_.subspan(sizeof(T));
-    return true;
-  }
-  bool at_end() const { return bytes_.empty(); }
-
- private:
-  std::span<const std::byte> bytes_;
-};
-
-template <class Matrix>
-void append_rows(const Matrix& matrix, std::vector<std::byte>* bytes) {
-  for (int row = 0; row < matrix.rows(); ++row)
-    for (int column = 0; column < matrix.cols(); ++column) append<double>(matrix(row, column), bytes);
-}
-
-template <class Matrix>
-bool take_rows(Reader* reader, Matrix* matrix) {
-  for (int row = 0; row < matrix->rows(); ++row)
-    for (int column = 0; column < matrix->cols(); ++column)
-      if (!reader->take(&(*matrix)(row, column)) || !std::isfinite((*matrix)(row, column))) return false;
-  return true;
-}
 
 }  // namespace
 
@@ -135,29 +95,29 @@ std::vector<std::byte> pack(const std::array<CornerList, kPyramidLevels>& corner
 }
 
 bool unpack(std::span<const std::byte> bytes, RigidTransform* transform) {
-  Reader reader(bytes);
-  return take_rows(&reader, &transform->R) && take_rows(&reader, &transform->t) && reader.at_end();
+  ByteReader reader(bytes);
+  return reader.take_rows(&transform->R) && reader.take_rows(&transform->t) && reader.at_end();
 }
 
 bool unpack(std::span<const std::byte> bytes, SimilarityTransform* transform) {
-  Reader reader(bytes);
+  ByteReader reader(bytes);
   return reader.take(&transform->s) && std::isfinite(transform->s) && transform->s > 0 &&
-         take_rows(&reader, &transform->R) && take_rows(&reader, &transform->t) && reader.at_end();
+         reader.take_rows(&transform->R) && reader.take_rows(&transform->t) && reader.at_end();
 }
 
 bool unpack(std::span<const std::byte> bytes, Eigen::Matrix3d* matrix) {
-  Reader reader(bytes);
-  return take_rows(&reader, matrix) && reader.at_end();
+  ByteReader reader(bytes);
+  return reader.take_rows(matrix) && reader.at_end();
 }
 
 bool unpack(std::span<const std::byte> bytes, Eigen::Vector3d* vector) {
-  Reader reader(bytes);
-  return take_rows(&reader, vector) && reader.at_end();
+  ByteReader reader(bytes);
+  return reader.take_rows(vector) && reader.at_end();
 }
 
 bool unpack(std::span<const std::byte> bytes, std::vector<Measurement>* measurements) {
   if (bytes.size() % kMeasurementBytes != 0) return false;
-  Reader reader(bytes);
+  ByteReader reader(bytes);
   measurements->reserve(bytes.size() / kMeasurementBytes);
   while (!reader.at_end()) {
     Measurement m;
@@ -177,7 +137,7 @@ bool unpack(std::span<const std::byte> bytes, std::vector<Measurement>* measurem
 }
 
 bool unpack(std::span<const std::byte> bytes, std::vector<KeyframeId>* ids) {
-  Reader reader(bytes);
+  ByteReader reader(bytes);
   while (!reader.at_end()) {
     KeyframeId id;
     if (!reader.take(&id.index) || id.index < 0) return false;
@@ -188,7 +148,7 @@ bool unpack(std::span<const std::byte> bytes, std::vector<KeyframeId>* ids) {
 
 bool unpack(std::span<const std::byte> bytes, const ImagePyramid& pyramid,
             std::array<CornerList, kPyramidLevels>* corners) {
-  Reader reader(bytes);
+  ByteReader reader(bytes);
   for (std::size_t l = 0; l < kPyramidLevels; ++l) {
     CornerList& level = (*corners)[l];
     const int width = pyramid.level[l].cols, height = pyramid.level[l].rows;

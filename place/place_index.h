@@ -21,7 +21,7 @@ class PlaceIndex {
   // Entries are numbered by the caller, each once.
   void add(int entry, const WordBag& bag);
   void erase(int entry);
-  int size() const { return static_cast<int>(bags_.size()); }
+  int size() const { return static_cast<int>(slot_of_.size()); }
   const WordBag* find(int entry) const;
 
   // The entries that share a word with the bag, most alike first (of equal ones the earlier), at most so many. Those
@@ -42,8 +42,15 @@ class PlaceIndex {
   std::vector<PlaceMatch> score_all(const WordBag& bag) const;
   static void keep_best(int at_most, std::vector<PlaceMatch>* matches);
 
-  std::unordered_map<std::int32_t, std::vector<std::pair<int, float>>> images_with_;  // by word, in order of adding
-  std::unordered_map<int, WordBag> bags_;
+  // Entries have slots, so that a query adds up in an array.
+  struct Slot {
+    int entry = -1;  // -1: free
+    WordBag bag;
+  };
+  std::unordered_map<std::int32_t, std::vector<std::pair<std::int32_t, float>>> images_with_;  // by word: slots
+  std::vector<Slot> slots_;
+  std::vector<std::int32_t> free_;
+  std::unordered_map<int, std::int32_t> slot_of_;
 };
 
 }  // namespace parallax

@@ -71,7 +71,7 @@ int read_file(sqlite3_file* file, void* to, int amount, sqlite3_int64 offset) {
   const std::vector<std::uint8_t>& bytes = stored(file).seen;
   const auto begin = std::min<std::int64_t>(offset, static_cast<std::int64_t>(bytes.size()));
   const auto there = std::min<std::int64_t>(amount, static_cast<std::int64_t>(bytes.size()) - begin);
-  std::memcpy(to, bytes.data() + begin, static_cast<std::size_t>(there));
+  if (there > 0) std::memcpy(to, bytes.data() + begin, static_cast<std::size_t>(there));
   if (there == amount) return SQLITE_OK;
   std::memset(static_cast<char*>(to) + there, 0, static_cast<std::size_t>(amount - there));
   return SQLITE_IOERR_SHORT_READ;
