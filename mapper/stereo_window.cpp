@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <set>
 #include <string>
 #include <utility>
@@ -135,13 +136,20 @@ void StereoWindow::place_newest() {
     wrong += static_cast<std::size_t>((pixel - Eigen::Vector2d(o.pixel.x(), o.pixel.z())).norm() >
                                       kFitsWithin_sigmas * options_.sigma_px);
   }
-  if (2 * wrong > seen.size() && refine_stereo_pose(camera_, seen, {}, &newest_from_previous, nullptr).ok)
+  if (2 * wrong <= seen.size()) return;
+  // Refined from where it was told it may end in a wrong minimum; three points need no start.
+  std::mt19937_64 rng(static_cast<std::uint64_t>(window_.back().index));
+  const RigidTransform told[] = {newest_from_previous};
+  std::vector<std::uint8_t> agrees;
+  if (find_stereo_pose(camera_, seen, told, {}, &rng, &newest_from_previous, &agrees).ok &&
+      refine_stereo_pose(camera_, seen, {}, &newest_from_previous, nullptr).ok)
     newest = previous * newest_from_previous.inverse();
 }
 
 void StereoWindow::smooth(StereoWindowTiming* timing, StereoWindowUpdate* update, const Interruption& stop) {
   if (window_.size() < 2) return;
   const auto begin = SteadyClock::now();
+  const RigidTransform told = pose_of(window_.back());
   place_newest();
   std::vector<std::int64_t> tracks;
   std::vector<std::pair<int, int>> source;
@@ -165,6 +173,12 @@ void StereoWindow::smooth(StereoWindowTiming* timing, StereoWindowUpdate* update
   }
   for (std::size_t i = 0; i < tracks.size(); ++i)
     points_[tracks[i]].world = moved(world_from_origin, problem.points[i]);
+  // What the newest pose alone has seen goes where it has gone.
+  const RigidTransform now_from_told = pose_of(window_.back()) * told.inverse();
+  for (const Observation& o : window_.back().observations) {
+    Point& point = points_[o.track];
+    if (point.seen == 1) point.world = moved(now_from_told, point.world);
+  }
   // What does not fit is forgotten; a track that no longer fits where it was seen last is not worth following.
   std::set<std::int64_t> gone;
   std::vector<std::vector<int>> wrong(window_.size());
@@ -245,7 +259,7 @@ std::optional<StereoMapPoint> StereoWindow::place(const Point& point) const {
   if (point.seen < kPosesOnMap || !(std::abs(point.world.w()) > 1e-9) || window_.empty()) return std::nullopt;
   const Eigen::Vector3d world = point.world.hnormalized();
   if ((world - pose_of(window_.front()).t).norm() > camera_.depth_m(kFarthest_px)) return std::nullopt;
-  return StereoMapPoint{world, point.seen};
+  return StereoMapPoint{world, point.seen, window_.front().index};
 }
 
 void StereoWindow::finish() {

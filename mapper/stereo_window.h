@@ -50,6 +50,7 @@ struct StereoSessionPose {
 struct StereoMapPoint {
   Eigen::Vector3d world = Eigen::Vector3d::Zero();
   int poses = 0;
+  int keyframe = 0;  // near it: follows it when the pose graph moves
 };
 
 class StereoWindow {
@@ -66,6 +67,8 @@ class StereoWindow {
   const std::vector<StereoSessionPose>& poses() const { return poses_; }
   // Between consecutive keyframes; those of the window follow when it is handed over.
   const std::vector<StereoConstraint>& constraints() const { return constraints_; }
+  // Those that have left the window, which do not change any more.
+  const std::vector<StereoMapPoint>& settled_points() const { return left_points_; }
   // Points that have left the window, and those in it, seen from enough poses and not too far to be placed.
   std::vector<StereoMapPoint> points() const;
   const std::vector<StereoWindowTiming>& timings() const { return timings_; }

@@ -351,7 +351,7 @@ StereoFrameResult StereoOdometry::process(int frame, Timestamp time, const GreyI
   if (summary.ok) {
     velocity_ = pose * camera_from_reference_.inverse();
     camera_from_reference_ = pose;
-    covariance_ = summary.covariance;
+    covariance_ = options_.covariance_part * summary.covariance;
     std::erase_if(tracks_, [](const Track& track) { return !track.seen; });
     result.inliers = summary.inliers;
     result.tracks = static_cast<int>(tracks_.size());

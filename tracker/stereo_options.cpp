@@ -23,6 +23,7 @@ void StereoTrackerOptions::validate() const {
   require(min_correlation > 0 && min_correlation < 1, "min_correlation", min_correlation, "between 0 and 1");
   require(max_round_trip_px > 0, "max_round_trip_px", max_round_trip_px, "above 0");
   require(max_row_difference_px > 0, "max_row_difference_px", max_row_difference_px, "above 0");
+  require(covariance_part > 0, "covariance_part", covariance_part, "above 0");
   require(nearest_m > 0, "nearest_m", nearest_m, "above 0");
   require(sigma_px > 0, "sigma_px", sigma_px, "above 0");
   require(keyframe_distance_m > 0, "keyframe_distance_m", keyframe_distance_m, "above 0");
