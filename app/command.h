@@ -16,6 +16,8 @@ inline constexpr int kExitBadInput = 2;  // bad usage or bad input
 void add_run_command(CLI::App& app, int* exit_code);
 void add_eval_command(CLI::App& app, int* exit_code);
 void add_slam_command(CLI::App& app, int* exit_code);
+void add_backend_command(CLI::App& app, int* exit_code);
+void add_sessions_command(CLI::App& app, int* exit_code);
 void add_vocabulary_command(CLI::App& app, int* exit_code);
 void add_map_command(CLI::App& app, int* exit_code);
 // Subcommands of `parallax map`.

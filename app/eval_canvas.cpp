@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <sstream>
 
+#include "app/base64.h"
 #include "core/error.h"
 #include "core/file_io.h"
 
@@ -18,18 +19,6 @@ std::vector<unsigned char> png_bytes(const cv::Mat& image, const std::string& na
   std::vector<unsigned char> bytes;
   if (!cv::imencode(".png", image, bytes)) throw RunError(name + ": cannot be encoded as PNG");
   return bytes;
-}
-
-std::string base64(const std::vector<unsigned char>& bytes) {
-  constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    unsigned group = 0;
-    for (std::size_t j = 0; j < 3; ++j) group = (group << 8) | (i + j < bytes.size() ? bytes[i + j] : 0U);
-    for (std::size_t j = 0; j < 4; ++j) out += i + j <= bytes.size() ? digits[(group >> (18 - 6 * j)) & 63] : '=';
-  }
-  return out;
 }
 
 class SvgCanvas : public Canvas {
@@ -58,7 +47,7 @@ class SvgCanvas : public Canvas {
   void image(CanvasPoint top_left, const cv::Mat3b& picture) override {
     if (picture.empty()) return;
     out_ << "<image x=\"" << top_left.x << "\" y=\"" << top_left.y << "\" width=\"" << picture.cols << "\" height=\""
-         << picture.rows << "\" href=\"data:image/png;base64," << base64(png_bytes(picture, "the plot's picture"))
+         << picture.rows << "\" href=\"data:image/png;base64," << to_base64(png_bytes(picture, "the plot's picture"))
          << "\"/>\n";
   }
 

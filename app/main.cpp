@@ -87,6 +87,8 @@ int parse_and_run(int argc, char** argv) {
   add_live_command(app, &exit_code);
   add_run_command(app, &exit_code);
   add_slam_command(app, &exit_code);
+  add_backend_command(app, &exit_code);
+  add_sessions_command(app, &exit_code);
   add_map_command(app, &exit_code);
   add_vocabulary_command(app, &exit_code);
   add_cameras_command(app, &exit_code);

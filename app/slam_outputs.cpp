@@ -1,6 +1,5 @@
 #include "app/slam_outputs.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <iomanip>
@@ -8,6 +7,8 @@
 #include <sstream>
 
 #include "core/file_io.h"
+#include "core/graph_file.h"
+#include "sessions/session_export.h"
 
 namespace parallax {
 namespace {
@@ -97,24 +98,12 @@ void write_slam_points_ply(const SlamResult& result, const std::string& path) {
 }
 
 void write_slam_graph(const SlamResult& result, const std::string& path) {
-  write_file_atomically(path, [&](std::ostream& out) {
-    out << std::setprecision(12);
-    for (std::size_t i = 0; i < result.keyframes.size(); ++i) {
-      const RigidTransform& T = result.keyframes[i].world_from_camera;
-      const Eigen::Quaterniond q = T.quaternion();
-      out << "VERTEX_SE3:QUAT " << i << ' ' << T.t.x() << ' ' << T.t.y() << ' ' << T.t.z() << ' ' << q.x() << ' '
-          << q.y() << ' ' << q.z() << ' ' << q.w() << '\n';
-    }
-    for (const StereoConstraint& c : result.constraints) {
-      const Eigen::Quaterniond q = c.from_from_to.quaternion();
-      out << "EDGE_SE3:QUAT " << c.from << ' ' << c.to << ' ' << c.from_from_to.t.x() << ' ' << c.from_from_to.t.y()
-          << ' ' << c.from_from_to.t.z() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' ' << q.w();
-      const Matrix6d information = c.covariance.ldlt().solve(Matrix6d::Identity());
-      for (int row = 0; row < 6; ++row)
-        for (int column = row; column < 6; ++column) out << ' ' << information(row, column);
-      out << '\n';
-    }
-  });
+  GraphFile graph;
+  for (std::size_t i = 0; i < result.keyframes.size(); ++i)
+    graph.vertices.push_back({static_cast<std::int64_t>(i), result.keyframes[i].world_from_camera});
+  for (const StereoConstraint& c : result.constraints)
+    graph.edges.push_back({c.from, c.to, c.from_from_to, g2o_information(c.from_from_to, c.covariance)});
+  write_graph_file(path, graph);
 }
 
 void write_slam_timing_csv(const SlamResult& result, const std::string& path) {
@@ -145,6 +134,7 @@ void write_slam_report_json(const SlamResult& result, const SlamReportContext& c
                       {"width", result.camera.width},
                       {"height", result.camera.height},
                       {"focal_px", result.camera.focal_px.x()},
+                      {"centre_px", {result.camera.centre_px.x(), result.camera.centre_px.y()}},
                       {"baseline_m", result.camera.baseline_m}};
   report["settings"] = {{"pace", context.pace},
                         {"speed", context.options->speed},

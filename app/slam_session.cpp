@@ -123,7 +123,7 @@ void run_lockstep(StereoSource* source, FrontEnd* front, StereoWindow* window, c
     ++out->frames_read;
     if (auto keyframe = front->process(*pair, out)) {
       front->take(window->add(*keyframe));
-      if (keyframes) keyframes(*keyframe, *window);
+      if (keyframes && keyframes(*keyframe, *window)) window->finish();
     }
     collect_warnings(source, out);
   }
@@ -200,7 +200,7 @@ class RealtimeRun {
   void smooth() {
     while (auto keyframe = keyframes_.pop()) {
       StereoWindowUpdate update = window_->add(*keyframe);
-      if (keyframe_observer_) keyframe_observer_(*keyframe, *window_);
+      if (keyframe_observer_ && keyframe_observer_(*keyframe, *window_)) window_->finish();
       MutexLock lock(mutex_);
       updates_.push_back(std::move(update));
     }

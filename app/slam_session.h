@@ -54,8 +54,9 @@ struct SlamResult {
 
 // Called on the tracking thread after each frame, with its rectified images.
 using SlamObserver = std::function<void(const SlamFrame&, const StereoImages&, const StereoOdometry&)>;
-// Called on the window's thread (in lockstep: the same) when a keyframe has been smoothed.
-using SlamKeyframeObserver = std::function<void(const StereoKeyframe&, const StereoWindow&)>;
+// Called on the window's thread (in lockstep: the same) when a keyframe has been smoothed. True: a loop was found, the
+// window is to be handed over now (MS §3.2).
+using SlamKeyframeObserver = std::function<bool(const StereoKeyframe&, const StereoWindow&)>;
 
 // Runs to the end of the source. Throws InputError for what cannot be a stereo pair (swapped cameras, images of another
 // size, no calibration), naming the source.
