@@ -122,8 +122,8 @@ int verify_sessions(const std::vector<std::string>& paths) {
 
 void merge_databases(const std::string& path, const std::vector<std::string>& others) {
   // All are looked at before anything is written.
+  std::vector<std::unique_ptr<SessionDatabase>> from;
   for (std::size_t i = 0; i < others.size(); ++i) {
-    expect_database(others[i]);
     std::error_code error;
     const auto refuse_same = [&](const std::string& other) {
       if (fs::equivalent(others[i], other, error) && !error)
@@ -131,18 +131,20 @@ void merge_databases(const std::string& path, const std::vector<std::string>& ot
     };
     refuse_same(path);
     for (std::size_t j = 0; j < i; ++j) refuse_same(others[j]);
-    SessionDatabase(others[i], SqliteMode::read).read();
+    from.push_back(open_to_read(others[i]));
+    from[i]->read();
+    for (std::size_t j = 0; j < i; ++j) from[j]->expect_new_sessions(from[i].get());
   }
   SessionDatabase database(path, SqliteMode::write, kProgram);
   database.read();
-  for (const std::string& other : others) {
-    SessionDatabase from(other, SqliteMode::read);
-    const auto taken = database.take(&from);
+  for (const auto& other : from) database.expect_new_sessions(other.get());
+  for (const auto& other : from) {
+    const auto taken = database.take(other.get());
     const SessionDocument document = database.read();
     for (const auto& [before, now] : taken)
-      std::cout << other << ": session " << before << " is session " << now << " ("
+      std::cout << other->path() << ": session " << before << " is session " << now << " ("
                 << session_state(document, now).start.name << ")\n";
-    if (taken.empty()) std::cout << other << ": no sessions\n";
+    if (taken.empty()) std::cout << other->path() << ": no sessions\n";
   }
 }
 
@@ -191,7 +193,7 @@ void switch_encounters(const std::string& path, const std::vector<std::int64_t>&
            : state == EncounterState::waiting ? "waiting"
                                               : "refused";
   };
-  SessionBatch batch;
+  std::vector<Encounter> switched;
   for (const std::int64_t id : ids) {
     const auto found = std::find_if(document.encounters.begin(), document.encounters.end(),
                                     [&](const Encounter& e) { return e.id == id; });
@@ -203,13 +205,10 @@ void switch_encounters(const std::string& path, const std::vector<std::int64_t>&
       throw InputError(path + ": encounter " + std::to_string(id) + ": found it " + text(found->state) +
                        ", expected one that is " + text(from));
     found->state = to;
-    batch.encounters.push_back(*found);
+    switched.push_back(*found);
   }
-  if (!batch.encounters.empty()) {
-    database->save(batch);
-    reoptimise_sessions(database.get());
-  }
-  std::cout << path << ": " << batch.encounters.size() << " encounters " << text(to) << ", the graph solved anew\n";
+  if (!switched.empty()) reoptimise_sessions(database.get(), switched);
+  std::cout << path << ": " << switched.size() << " encounters " << text(to) << ", the graph solved anew\n";
 }
 
 struct SessionExportArguments {

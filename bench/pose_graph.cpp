@@ -1,7 +1,7 @@
 // Pose graphs, beside the figures of docs/pose-graph.md: batch (cost and time to the optimum, Ceres beside it), a pose
 // at a time (milliseconds an update), and growth on a simulated building.
 //
-//   bench_pose_graph [batch] [ceres] [incremental] [growth [POSES [FILE.csv]]] [FILE.g2o...]
+//   bench_pose_graph [batch] [ceres] [incremental] [growth [POSES [FILE.csv|FILE.svg]]] [FILE.g2o...]
 //
 // Without words: batch and incremental over the graphs of the data folder. Times are of this thread.
 #include "solver/pose_graph.h"
@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "app/session_report_svg.h"
 #include "core/file_io.h"
 #include "core/graph_file.h"
 #include "core/time.h"
@@ -153,7 +154,26 @@ void incremental(const std::string& path) {
   times.print(name_of(path).c_str(), rest);
 }
 
-void growth(int poses, const char* csv) {
+// Each update a dot, and the mean of the last 200 as a line.
+std::string growth_plot(const std::vector<double>& ms) {
+  PlotSeries each{"an update", {0x56, 0xb4, 0xe9}, false, false, {}};
+  PlotSeries mean{"mean of 200", {0xd5, 0x5e, 0x00}, true, false, {}};
+  constexpr std::size_t kMean = 200;
+  double sum = 0;
+  for (std::size_t i = 0; i < ms.size(); ++i) {
+    each.points.push_back({static_cast<double>(i + 1), ms[i]});
+    sum += ms[i] - (i < kMean ? 0 : ms[i - kMean]);
+    if ((i + 1) % kMean == 0) mean.points.push_back({static_cast<double>(i + 1), sum / kMean});
+  }
+  PlotAxes axes;
+  axes.id = "growth";
+  axes.title = "pose graph, processor time an update";
+  axes.x_label = "poses";
+  axes.y_label = "ms";
+  return plot_element({each, mean}, axes);
+}
+
+void growth(int poses, const std::string& file) {
   testing::SimulatedBuildingOptions options;
   options.poses = poses;
   const auto building = testing::make_building(options, 1);
@@ -197,7 +217,8 @@ void growth(int poses, const char* csv) {
   begin = thread_ms();
   graph.marginal(poses / 3, &covariance);
   std::printf("  covariance of the last pose %.2f ms, of one long ago %.2f ms\n", last, thread_ms() - begin);
-  if (csv != nullptr) write_file_atomically(csv, [&](std::ostream& out) { out << table; });
+  if (file.ends_with(".svg")) table = growth_plot(all.ms);
+  if (!file.empty()) write_file_atomically(file, [&](std::ostream& out) { out << table; });
 }
 
 }  // namespace
@@ -210,8 +231,10 @@ int main(int argc, char** argv) {
     if (word == "growth") {
       const bool number = i + 1 < argc && std::atoi(argv[i + 1]) > 0;
       const int poses = number ? std::atoi(argv[++i]) : 20000;
-      const bool file = i + 1 < argc && std::string(argv[i + 1]).ends_with(".csv");
-      growth(poses, file ? argv[++i] : nullptr);
+      const std::string next = i + 1 < argc ? argv[i + 1] : "";
+      const bool is_file = next.ends_with(".csv") || next.ends_with(".svg");
+      growth(poses, is_file ? next : "");
+      i += is_file ? 1 : 0;
       any = true;
     } else if (word == "batch" || word == "ceres") {
       do_batch = true;

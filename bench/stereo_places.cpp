@@ -1,16 +1,17 @@
 // Place recognition of stereo sessions (MS §4.1, §4.2): precision and recall with and without CRF-Matching, whether the
 // covariances are the size of the errors, and what a keyframe costs with few and with many scenes remembered.
 //
-//   bench_stereo_places VOCABULARY WEIGHTS SET... [csv=FILE]
+//   bench_stereo_places VOCABULARY WEIGHTS SET... [csv=FILE] [svg=FILE]
 //
 // SET is a name of sessions with truth, joined by '+', that are walked one after the other (a stereo recording's folder
 // or synthetic:building?...), `corridor=IMAGE_FOLDER,TRUTH.bmp` (one camera: words and the far graph alone), or
-// `growth=COUNT,SESSIONS` (the last of the sessions asks with COUNT scenes remembered, repeated with changed bits).
+// `growth=COUNT,SESSIONS` (the last of the sessions asks with an eighth of COUNT scenes remembered, then with two
+// eighths, up to COUNT; what is remembered are the sessions, repeated with changed bits).
 //
 // Two keyframes show one place when their cameras are within 3 m and 40 degrees of each other and the one sees points
 // of the other where and as far away as truth has them. An encounter is right when its pose is within 0.3 m and 3
-// degrees of truth. The table is that of the options as they are; the curves (CSV, a row a candidate) are those of no
-// option.
+// degrees of truth. The table is that of the options as they are; the curves (a plot a set in svg=FILE; CSV, a row a
+// candidate) are those of no option. svg=FILE also gets the plot of the growth.
 #include <time.h>
 
 #include <Eigen/Cholesky>
@@ -25,8 +26,10 @@
 #include <string>
 #include <vector>
 
+#include "app/session_report_svg.h"
 #include "camera/stereo_rectification.h"
 #include "core/error.h"
+#include "core/file_io.h"
 #include "core/time.h"
 #include "place/place_recogniser.h"
 #include "render/synthetic_stereo_source.h"
@@ -261,7 +264,7 @@ struct Answer {
   bool right = false;
 };
 template <class Score>
-void print_curve(const char* name, const Walk& walk, const Score& score, bool by_pose) {
+PlotSeries print_curve(const char* name, const Walk& walk, const Score& score, bool by_pose) {
   std::vector<Answer> answers;
   for (std::size_t i = 0; i < walk.rows.size();) {
     const int query = walk.query_of[i];
@@ -276,40 +279,101 @@ void print_curve(const char* name, const Walk& walk, const Score& score, bool by
   int right = 0, perfect = 0;
   double threshold = HUGE_VAL;
   bool pure = true;
-  for (const Answer& answer : answers) {
-    right += answer.right ? 1 : 0;
-    pure = pure && answer.right;
-    if (pure) perfect = right, threshold = answer.score;
-  }
   const double loops = std::max(1, walk.with_loop);
+  PlotSeries curve{name, {}, true, false, {}};
+  for (std::size_t i = 0; i < answers.size(); ++i) {
+    right += answers[i].right ? 1 : 0;
+    pure = pure && answers[i].right;
+    if (pure) perfect = right, threshold = answers[i].score;
+    // Answers of one score stand or fall together.
+    if (i + 1 == answers.size() || answers[i + 1].score < answers[i].score)
+      curve.points.push_back({100 * right / loops, 100.0 * right / static_cast<double>(i + 1)});
+  }
   std::printf("| %s | %.1f (at %.3f) | %.1f | %.1f |\n", name, 100 * perfect / loops, threshold,
               answers.empty() ? 0.0 : 100.0 * right / static_cast<double>(answers.size()), 100 * right / loops);
+  return curve;
 }
 
 double worse_of(double near, double far) {
   return std::isnan(near) ? far : std::isnan(far) ? near : std::max(near, far);
 }
 
-void print_curves(const Walk& open) {
+// Plots of one run, one below the other.
+class PlotPage {
+ public:
+  void add(const std::vector<PlotSeries>& series, const PlotAxes& axes) {
+    std::string element = plot_element(series, axes);
+    const std::size_t begin = element.find("style=\""), end = element.find('"', begin + 7);
+    if (end == std::string::npos) return;
+    // An element within an element has its place on the page, not the page's width.
+    element.replace(begin, end + 1 - begin,
+                    "x=\"0\" y=\"" + std::to_string(height_px_) + "\" width=\"" + std::to_string(axes.width_px) +
+                        "\" height=\"" + std::to_string(axes.height_px) + "\"");
+    body_ += element;
+    width_px_ = std::max(width_px_, axes.width_px);
+    height_px_ += axes.height_px;
+  }
+  void save(const std::string& path) const {
+    write_file_atomically(path, [this](std::ostream& out) {
+      out << "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " << width_px_ << ' ' << height_px_ << "\" width=\""
+          << width_px_ << "\" height=\"" << height_px_
+          << "\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
+          << body_ << "</svg>\n";
+    });
+  }
+
+ private:
+  std::string body_;
+  int width_px_ = 0, height_px_ = 0;
+};
+
+constexpr CanvasColour kWordsColour{0x99, 0x99, 0x99}, kCrfColour{0xe6, 0x9f, 0x00}, kGeometryColour{0x56, 0xb4, 0xe9},
+    kAllColour{0x00, 0x60, 0x9e};
+
+void print_curves(const Walk& open, const std::string& set, const PlaceRecogniserOptions& options, PlotPage* page) {
   std::printf(
       "\n| answer: the candidate of the best... | recall at 100 %% precision | precision of all | recall of all |\n"
       "|---|---|---|---|\n");
-  print_curve(
-      "similarity of words (Eq. 4)", open, [](const PlaceEncounter& e) { return e.bow; }, false);
+  std::vector<PlotSeries> curves;
+  const auto curve = [&](const char* row, const char* name, CanvasColour colour, bool dashed, auto&& score,
+                         bool by_pose) {
+    PlotSeries series = print_curve(row, open, score, by_pose);
+    if (series.points.empty()) return;
+    series.name = name;
+    series.colour = colour;
+    series.dashed = dashed;
+    curves.push_back(std::move(series));
+  };
+  curve(
+      "similarity of words (Eq. 4)", "words", kWordsColour, false, [](const PlaceEncounter& e) { return e.bow; }, false);
   const auto crf = [](const PlaceEncounter& e) {
     const double eta = worse_of(e.crf_near, e.crf_far);
     return std::isnan(eta) ? -HUGE_VAL : -eta;
   };
-  print_curve("CRF-Matching (Eq. 5), greater of both", open, crf, false);
-  print_curve(
-      "CRF-Matching, near", open,
+  curve("CRF-Matching (Eq. 5), greater of both", "CRF", kCrfColour, false, crf, false);
+  curve(
+      "CRF-Matching, near", "CRF near", kCrfColour, true,
       [](const PlaceEncounter& e) { return std::isnan(e.crf_near) ? -HUGE_VAL : -e.crf_near; }, false);
   print_curve(
       "CRF-Matching, far", open, [](const PlaceEncounter& e) { return std::isnan(e.crf_far) ? -HUGE_VAL : -e.crf_far; },
       false);
-  print_curve(
-      "geometry: inliers, nothing else asked", open,
-      [](const PlaceEncounter& e) { return static_cast<double>(e.inliers); }, true);
+  const auto inliers = [](const PlaceEncounter& e) { return e.inliers > 0 ? static_cast<double>(e.inliers) : -HUGE_VAL; };
+  curve("geometry: inliers, nothing else asked", "geometry", kGeometryColour, false, inliers, true);
+  curve(
+      "geometry: inliers, of what CRF-Matching lets through", "geometry of what CRF lets through", kAllColour, true,
+      [&](const PlaceEncounter& e) {
+        const bool near = std::isnan(e.crf_near) || e.crf_near <= options.beta_near;
+        const bool far = std::isnan(e.crf_far) || e.crf_far <= options.beta_far;
+        return near && far ? inliers(e) : -HUGE_VAL;
+      },
+      true);
+  PlotAxes axes;
+  axes.id = "precision-recall";
+  axes.title = "precision over recall:";
+  for (const std::string& name : split(set, '+')) axes.title += ' ' + name.substr(name.find_last_of('/') + 1);
+  axes.x_label = "recall, %";
+  axes.y_label = "%";
+  if (!curves.empty()) page->add(curves, axes);
 }
 
 void write_csv(std::ofstream* csv, const std::string& set, const Walk& open) {
@@ -329,7 +393,7 @@ void print_times(const char* name, const std::vector<double>& ms) {
 }
 
 void run_set(const std::string& set, const std::shared_ptr<const Vocabulary>& vocabulary, const CrfModel& model,
-             const PlaceRecogniserOptions& options, std::ofstream* csv) {
+             const PlaceRecogniserOptions& options, std::ofstream* csv, PlotPage* page) {
   FeatureTimes times;
   std::vector<Session> sessions;
   for (const std::string& name : split(set, '+'))
@@ -348,7 +412,7 @@ void run_set(const std::string& set, const std::shared_ptr<const Vocabulary>& vo
   all.beta_near = all.beta_far = HUGE_VAL;
   all.accepted = all.verified = all.candidates;
   const Walk open = walk(sessions, vocabulary, model, all);
-  print_curves(open);
+  print_curves(open, set, options, page);
   if (csv->is_open()) write_csv(csv, set, open);
   std::printf("\nprocessor ms a keyframe, median / worst: ");
   print_times("features", times.features_ms);
@@ -360,58 +424,75 @@ void run_set(const std::string& set, const std::shared_ptr<const Vocabulary>& vo
 }
 
 void run_growth(const std::string& arguments, const std::shared_ptr<const Vocabulary>& vocabulary,
-                const CrfModel& model, const PlaceRecogniserOptions& options) {
+                const CrfModel& model, const PlaceRecogniserOptions& options, PlotPage* page) {
   const std::size_t comma = arguments.find(',');
   if (comma == std::string::npos) throw InputError("growth: expected growth=COUNT,SESSIONS");
   const int count = std::atoi(arguments.c_str());
+  constexpr int kSteps = 8;
+  constexpr int kAsking = 1000000;  // the first of the sessions that ask
   FeatureTimes times;
   std::vector<Session> sessions;
   for (const std::string& name : split(arguments.substr(comma + 1), '+'))
     sessions.push_back(read_session(name, *vocabulary, options.scene, &times));
+  std::printf("\n## growth\n\nfeatures and words of a keyframe, processor ms, median / worst: ");
+  print_times("features", times.features_ms);
+  print_times(", words", times.words_ms);
+  std::printf("\n\n| scenes | asked | query | CRF | geometry | all | all, 99 %% |\n|---|---|---|---|---|---|---|\n");
   PlaceRecogniser recogniser(vocabulary, model, options);
   std::mt19937_64 rng(1);
   const Session asking = std::move(sessions.back());
   if (sessions.size() > 1) sessions.pop_back();
-  for (int session = 0; recogniser.size() < count; ++session) {
-    const Session& from = sessions[static_cast<std::size_t>(session) % sessions.size()];
-    recogniser.begin_session(session, from.camera);
-    for (std::size_t k = 0; k < from.keyframes.size() && recogniser.size() < count; ++k) {
+  PlotSeries median{"median", kAllColour, true, false, {}}, most{"worst", kCrfColour, true, true, {}};
+  std::size_t k = 0;
+  int session = 0;
+  recogniser.begin_session(0, sessions[0].camera);
+  for (int step = 1; step <= kSteps; ++step) {
+    for (int wanted = count * step / kSteps; recogniser.size() < wanted; ++k) {
+      const Session* from = &sessions[static_cast<std::size_t>(session) % sessions.size()];
+      if (k == from->keyframes.size()) {
+        k = 0;
+        from = &sessions[static_cast<std::size_t>(++session) % sessions.size()];
+        recogniser.begin_session(session, from->camera);
+      }
       StereoScene scene;
-      scene.features = from.keyframes[k].scene.features;
-      scene.right_px = from.keyframes[k].scene.right_px;
+      scene.features = from->keyframes[k].scene.features;
+      scene.right_px = from->keyframes[k].scene.right_px;
       // The first time as it was; then as other buildings of the same kind.
       if (session >= static_cast<int>(sessions.size()))
         for (PlaceFeature& feature : scene.features)
           for (int bit = 0; bit < 24; ++bit) feature.descriptor.bits[rng() % 4] ^= std::uint64_t{1} << (rng() % 64);
-      recogniser.restore({session, static_cast<int>(k)}, from.keyframes[k].time, std::move(scene));
+      recogniser.restore({session, static_cast<int>(k)}, from->keyframes[k].time, std::move(scene));
     }
+    const int remembered = recogniser.size();
+    std::vector<double> words_ms, crf_ms, geometry_ms, all_ms;
+    recogniser.begin_session(kAsking + step, asking.camera);
+    for (std::size_t q = 0; q < asking.keyframes.size(); ++q) {
+      const double start = processor_ms();
+      recogniser.add({kAsking + step, static_cast<int>(q)}, asking.keyframes[q].time, asking.keyframes[q].scene);
+      // Features and words of the query were made when the session was read.
+      const std::size_t made = times.features_ms.size() - asking.keyframes.size() + q;
+      all_ms.push_back(processor_ms() - start + times.features_ms[made] + times.words_ms[made]);
+      words_ms.push_back(recogniser.times().words_ms);
+      crf_ms.push_back(recogniser.times().crf_ms);
+      geometry_ms.push_back(recogniser.times().geometry_ms);
+    }
+    std::printf("| %d | %zu", remembered, asking.keyframes.size());
+    for (const auto* column : {&words_ms, &crf_ms, &geometry_ms, &all_ms}) print_times(" |", *column);
+    std::printf(" | %.2f |\n", quantile(all_ms, 0.99));
+    median.points.push_back({static_cast<double>(remembered), quantile(all_ms, 0.5)});
+    most.points.push_back({static_cast<double>(remembered), worst(all_ms)});
   }
-  std::vector<double> words_ms, crf_ms, geometry_ms, all_ms;
-  recogniser.begin_session(1000000, asking.camera);
-  for (std::size_t k = 0; k < asking.keyframes.size(); ++k) {
-    const double start = processor_ms();
-    recogniser.add({1000000, static_cast<int>(k)}, asking.keyframes[k].time, asking.keyframes[k].scene);
-    // Features and words of the query were made when the session was read.
-    const std::size_t made = times.features_ms.size() - asking.keyframes.size() + k;
-    all_ms.push_back(processor_ms() - start + times.features_ms[made] + times.words_ms[made]);
-    words_ms.push_back(recogniser.times().words_ms);
-    crf_ms.push_back(recogniser.times().crf_ms);
-    geometry_ms.push_back(recogniser.times().geometry_ms);
-  }
-  std::printf("\n%d scenes remembered, %zu asked; processor ms a keyframe, median / worst: ", count,
-              asking.keyframes.size());
-  print_times("features", times.features_ms);
-  print_times(", words", times.words_ms);
-  print_times(", query", words_ms);
-  print_times(", CRF", crf_ms);
-  print_times(", geometry", geometry_ms);
-  print_times(", all", all_ms);
-  std::printf(", 99 %%: %.2f\n", quantile(all_ms, 0.99));
+  PlotAxes axes;
+  axes.id = "growth";
+  axes.title = "place recognition, processor time a keyframe";
+  axes.x_label = "keyframes remembered";
+  axes.y_label = "ms";
+  page->add({median, most}, axes);
 }
 
 // One camera: no geometry, words and the far graph. Precision and recall as bench_place_recognition has them.
 void run_corridor(const std::string& arguments, const std::shared_ptr<const Vocabulary>& vocabulary,
-                  const CrfModel& model, const PlaceRecogniserOptions& given) {
+                  const CrfModel& model, const PlaceRecogniserOptions& given, PlotPage* page) {
   const auto names = split(arguments, ',');
   if (names.size() != 2) throw InputError("corridor: expected corridor=IMAGE_FOLDER,TRUTH.bmp");
   const cv::Mat1b truth = cv::imread(names[1], cv::IMREAD_GRAYSCALE);
@@ -447,14 +528,14 @@ void run_corridor(const std::string& arguments, const std::shared_ptr<const Voca
     ++out.queries;
   }
   std::printf("\n## corridor: %d images, %d with a loop\n", out.queries, out.with_loop);
-  print_curves(out);
+  print_curves(out, "corridor", given, page);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    std::fprintf(stderr, "bench_stereo_places VOCABULARY WEIGHTS SET... [csv=FILE]\n");
+    std::fprintf(stderr, "bench_stereo_places VOCABULARY WEIGHTS SET... [csv=FILE] [svg=FILE]\n");
     return 2;
   }
   try {
@@ -469,18 +550,23 @@ int main(int argc, char** argv) {
       csv << "set,query_session,query_keyframe,found_session,found_keyframe,query_has_loop,same_place,bow,crf_near,"
              "crf_far,matches,inliers,geometry,right_pose,error_m,error_deg,nees,seen_share,silent_share,refused\n";
     }
+    PlotPage page;
+    std::string svg;
     for (int i = 3; i < argc; ++i) {
       const std::string set = argv[i];
       if (set.rfind("csv=", 0) == 0) continue;
-      if (set.rfind("growth=", 0) == 0) {
-        run_growth(set.substr(7), vocabulary, model, options);
+      if (set.rfind("svg=", 0) == 0) {
+        svg = set.substr(4);
+      } else if (set.rfind("growth=", 0) == 0) {
+        run_growth(set.substr(7), vocabulary, model, options, &page);
       } else if (set.rfind("corridor=", 0) == 0) {
-        run_corridor(set.substr(9), vocabulary, model, options);
+        run_corridor(set.substr(9), vocabulary, model, options, &page);
       } else {
-        run_set(set, vocabulary, model, options, &csv);
+        run_set(set, vocabulary, model, options, &csv, &page);
       }
       std::fflush(stdout);
     }
+    if (!svg.empty()) page.save(svg);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "bench_stereo_places: %s\n", error.what());
     return 2;

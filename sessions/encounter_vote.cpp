@@ -101,13 +101,21 @@ Matrix6d EncounterVote::drift(const Chain& chain, std::size_t i, std::size_t j, 
   return diagonal(translation, rotation);
 }
 
+bool EncounterVote::is_odometry_between(const Encounter& a, const Encounter& b) const {
+  const std::vector<int>& found = chains_.at(a.found.session).failures;
+  const std::vector<int>& query = chains_.at(a.query.session).failures;
+  const auto at = [](const std::vector<int>& failures, const PoseKey& key) {
+    return failures[static_cast<std::size_t>(key.keyframe)];
+  };
+  return at(found, a.found) == at(found, b.found) && at(query, a.query) == at(query, b.query);
+}
+
 double EncounterVote::disagreement(const Encounter& a, const Encounter& b) const {
+  if (!is_odometry_between(a, b)) return std::numeric_limits<double>::infinity();
   const Chain& found = chains_.at(a.found.session);
   const Chain& query = chains_.at(a.query.session);
   const auto fa = static_cast<std::size_t>(a.found.keyframe), fb = static_cast<std::size_t>(b.found.keyframe);
   const auto qa = static_cast<std::size_t>(a.query.keyframe), qb = static_cast<std::size_t>(b.query.keyframe);
-  if (found.failures[fa] != found.failures[fb] || query.failures[qa] != query.failures[qb])
-    return std::numeric_limits<double>::infinity();
   const RigidTransform fa_from_fb = found.session_from_camera[fa].inverse() * found.session_from_camera[fb];
   const RigidTransform qb_from_qa = query.session_from_camera[qb].inverse() * query.session_from_camera[qa];
   // fa <- fb <- qb <- qa <- fa: the identity when both are right.
@@ -137,7 +145,7 @@ double EncounterVote::disagreement_with_odometry(const Encounter& encounter) con
 bool EncounterVote::is_ambiguous(const Encounter& encounter, const std::vector<Encounter>& all) const {
   return std::any_of(all.begin(), all.end(), [&](const Encounter& other) {
     return other.id != encounter.id && other.query == encounter.query && other.state != EncounterState::off &&
-           encounter.inliers < options_.clearly_better * other.inliers &&
+           encounter.inliers < options_.clearly_better * other.inliers && is_odometry_between(other, encounter) &&
            disagreement(other, encounter) > options_.gate;
   });
 }
@@ -166,10 +174,11 @@ EncounterVote::Verdict EncounterVote::add(const Encounter& encounter) {
     return std::max(way_between(encounter.found.session, encounter.found.keyframe, other.found.keyframe),
                     way_between(encounter.query.session, encounter.query.keyframe, other.query.keyframe));
   };
-  // Those in the graph that are nearest: what it agrees with it joins, what it contradicts it has to outvote.
+  // Those in the graph that are nearest: what it agrees with it joins, what it contradicts it has to outvote. With
+  // those beyond a loss of motion it can do neither.
   std::vector<std::pair<double, std::size_t>> active;
   for (std::size_t i = 0; i < all.size(); ++i)
-    if (all[i].state == EncounterState::active) active.emplace_back(distance(all[i]), i);
+    if (all[i].state == EncounterState::active && is_odometry_between(all[i], encounter)) active.emplace_back(distance(all[i]), i);
   std::sort(active.begin(), active.end());
   if (active.size() > kMostCompared) active.resize(kMostCompared);
   int supporters = 0;

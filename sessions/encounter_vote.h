@@ -54,6 +54,8 @@ class EncounterVote {
   void restore(const Encounter& encounter);
   void forget_session(int session);
 
+  // Odometry leads from the one to the other in both sessions: it was not lost between them.
+  bool is_odometry_between(const Encounter& a, const Encounter& b) const;
   // Squared Mahalanobis distance of the cycle through two encounters between the same two sessions; infinite when the
   // odometry between them was lost.
   double disagreement(const Encounter& a, const Encounter& b) const;

@@ -93,8 +93,12 @@ class SessionDatabase {
   std::int64_t next_encounter();  // an id that is free, and those above it; never one that was used before
 
   // Everything of another database becomes part of this one under new session numbers, in one transaction. Returns
-  // the new numbers by the old.
+  // the new numbers by the old. Before anything is written, InputError as expect_new_sessions().
   std::vector<std::pair<int, int>> take(SessionDatabase* other);
+  // InputError ("OTHER: session 'tuesday' is in PATH already, ...") when the other one holds a session that is in this
+  // one too, under whatever name and number: begun at the same time, of the same source, and with the same features in
+  // its first keyframe.
+  void expect_new_sessions(SessionDatabase* other);
 
   struct Implementation;
 

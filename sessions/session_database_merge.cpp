@@ -1,6 +1,6 @@
 // Sessions that come into a database from another one, and sessions that go.
 #include <algorithm>
-#include <numeric>
+#include <optional>
 
 #include "core/check.h"
 #include "core/error.h"
@@ -69,6 +69,14 @@ void copy_rows(const Table& table, SqliteDatabase* from, SqliteDatabase* to, con
   }
 }
 
+// What the first keyframe of a session saw, as it is stored; none: it has no keyframe.
+std::optional<std::vector<std::byte>> first_features(SqliteDatabase* database, int session) {
+  const std::int64_t first =
+      database->number("SELECT coalesce(min(keyframe), -1) FROM keyframe WHERE session = " + std::to_string(session));
+  if (first < 0) return std::nullopt;
+  return session_file::pack(session_file::Reader(database, false).features({session, static_cast<int>(first)}));
+}
+
 // The earliest session that each is connected with by encounters that are active.
 std::map<int, int> components(const std::map<int, SessionState>& sessions, const std::vector<Encounter>& encounters) {
   std::map<int, int> parent;
@@ -91,8 +99,27 @@ std::map<int, int> components(const std::map<int, SessionState>& sessions, const
 
 }  // namespace
 
+void SessionDatabase::expect_new_sessions(SessionDatabase* other) {
+  PARALLAX_CHECK(other != this, "the sessions of a database are compared with those of another one");
+  SqliteDatabase &here = implementation_->database, &there = other->implementation_->database;
+  const session_file::SameState same_here(&here), same_there(&there);
+  const std::vector<SessionState> known = session_file::Reader(&here, false).sessions();
+  for (const SessionState& state : session_file::Reader(&there, false).sessions()) {
+    const auto found = std::find_if(known.begin(), known.end(), [&](const SessionState& candidate) {
+      return candidate.start.source == state.start.source && began(candidate.id) == other->began(state.id) &&
+             first_features(&here, candidate.id) == first_features(&there, state.id);
+    });
+    if (found != known.end())
+      throw InputError(other->path() + ": session '" + state.start.name + "' is in " + path() + " already, as '" +
+                       found->start.name + "' (number " + std::to_string(found->id) +
+                       "): found the same recording begun at the same time, expected sessions that " + path() +
+                       " has not");
+  }
+}
+
 std::vector<std::pair<int, int>> SessionDatabase::take(SessionDatabase* other) {
   PARALLAX_CHECK(other != this, "a database takes the sessions of another one");
+  expect_new_sessions(other);
   Implementation& self = *implementation_;
   SqliteDatabase& from = other->implementation_->database;
   std::vector<std::pair<int, int>> out;

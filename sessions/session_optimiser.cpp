@@ -1,6 +1,9 @@
 #include "sessions/session_optimiser.h"
 
+#include <algorithm>
 #include <utility>
+
+#include "core/check.h"
 
 namespace parallax {
 
@@ -18,14 +21,21 @@ void build_session_graph(const SessionDocument& document, SessionGraph* graph) {
     if (graph->contains(pose.key)) graph->set_pose(pose.key, pose.session_from_camera);
 }
 
-void reoptimise_sessions(SessionDatabase* database) {
-  const SessionDocument document = database->read();
+void reoptimise_sessions(SessionDatabase* database, const std::vector<Encounter>& changed) {
+  SessionDocument document = database->read();
   if (document.sessions.empty()) return;
+  for (const Encounter& encounter : changed) {
+    const auto there = std::find_if(document.encounters.begin(), document.encounters.end(),
+                                    [&](const Encounter& e) { return e.id == encounter.id; });
+    PARALLAX_CHECK(there != document.encounters.end(), "an encounter of the database changes");
+    *there = encounter;
+  }
   SessionGraph graph;
   build_session_graph(document, &graph);
   graph.optimise();
   SessionBatch batch;
   batch.session = document.sessions.front().id;
+  batch.encounters = changed;
   for (const SessionPose& pose : document.poses) {
     if (!graph.contains(pose.key)) continue;
     batch.moved.push_back(pose);

@@ -3,6 +3,8 @@
 // Plain functions; one thread.
 #pragma once
 
+#include <vector>
+
 #include "sessions/session_database.h"
 #include "sessions/session_graph.h"
 
@@ -12,8 +14,9 @@ namespace parallax {
 // empty before.
 void build_session_graph(const SessionDocument& document, SessionGraph* graph);
 
-// Solves the graph as its encounters' states are, and writes poses and anchors: after encounters have been switched off
-// or on. Throws what the database throws.
-void reoptimise_sessions(SessionDatabase* database);
+// Solves the graph as its encounters' states are, and writes poses and anchors. `changed`: encounters of the database
+// with their new states (switched off or on), which are written in the same transaction. Throws what the database
+// throws.
+void reoptimise_sessions(SessionDatabase* database, const std::vector<Encounter>& changed = {});
 
 }  // namespace parallax

@@ -58,8 +58,9 @@ GreyImage wall_from(int offset_px) {
 RigidTransform to_the_right(double metres) { return {Eigen::Matrix3d::Identity(), {metres, 0, 0}}; }
 
 // "monday" of five keyframes, "tuesday" of four, which begins where monday's keyframe 1 is. Encounter 1 is right,
-// encounter 2 is wrong by 0.3 m (and less sure), encounter 3 waits.
-void make_walks(const std::string& path, const std::string& first_name = "monday") {
+// encounter 2 is wrong by 0.3 m (and less sure), encounter 3 waits. Walks from another folder are other recordings.
+void make_walks(const std::string& path, const std::string& first_name = "monday",
+                const std::string& recordings = "walks") {
   SessionDatabase database(path, SqliteMode::write, "test");
   SessionStart start;
   start.camera.width = kWallWidth;
@@ -70,7 +71,7 @@ void make_walks(const std::string& path, const std::string& first_name = "monday
   start.frames_per_second = 20;
   for (const int walk : {0, 1}) {
     start.name = walk == 0 ? first_name : "tuesday";
-    start.source = "walks/" + start.name;
+    start.source = recordings + "/" + start.name;
     SessionState state = database.begin_session(start);
     SessionBatch batch;
     batch.session = state.id;
@@ -298,7 +299,7 @@ TEST_F(SessionsCommand, ExportsSomeInTheFrameThatIsAskedFor) {
 
 TEST_F(SessionsCommand, MergesRenamesAndDeletes) {
   const std::string other = folder_.file("other.plxdb");
-  make_walks(other, "wednesday");
+  make_walks(other, "wednesday", "later walks");
   const std::string said = done({"merge", path_, other});
   EXPECT_NE(said.find("session 2 is session 4 (tuesday-2)"), std::string::npos) << said;
   ASSERT_EQ(document().sessions.size(), 4U);
@@ -319,6 +320,32 @@ TEST_F(SessionsCommand, MergesRenamesAndDeletes) {
   expect_refused({"merge", path_, path_}, 2, "the same file");
   expect_refused({"merge", path_, other, folder_.file("absent")}, 2, "absent");
   EXPECT_EQ(document().sessions.size(), 3U) << "nothing was taken";
+}
+
+// The same recording would meet itself everywhere.
+TEST_F(SessionsCommand, MergesNoSessionTwice) {
+  const std::string other = folder_.file("other.plxdb"), third = folder_.file("third.plxdb"),
+                    copy = folder_.file("copy.plxdb"), fresh = folder_.file("fresh.plxdb");
+  make_walks(other, "wednesday", "later walks");
+  make_walks(third, "friday", "last walks");
+  fs::copy_file(third, copy);
+  done({"merge", path_, other});
+  done({"rename", path_, "tuesday-2", "thursday"});
+  done({"delete", path_, "wednesday", "--yes"});
+  const auto already = [](const std::string& in, const std::string& session, const std::string& known) {
+    return ": session '" + session + "' is in " + in + " already, as " + known +
+           ": found the same recording begun at the same time, expected sessions that " + in + " has not";
+  };
+  const std::size_t before = document().sessions.size();
+  expect_refused({"merge", path_, third, other}, 2, other + already(path_, "tuesday", "'thursday' (number 4)"));
+  EXPECT_EQ(document().sessions.size(), before) << "the third was not taken either";
+  expect_refused({"merge", path_, third, copy}, 2, copy + already(third, "friday", "'friday' (number 1)"));
+  EXPECT_EQ(document().sessions.size(), before);
+  expect_refused({"merge", fresh, third, copy}, 2, copy);
+  EXPECT_FALSE(fs::exists(fresh)) << "nothing is written";
+  done({"merge", path_, third});
+  EXPECT_EQ(document().sessions.size(), before + 2);
+  EXPECT_EQ(done({"verify", path_}), path_ + ": whole\n");
 }
 
 TEST_F(SessionsCommand, BadInputIsOneLine) {

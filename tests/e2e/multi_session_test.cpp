@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <sstream>
 
 #include "tests/e2e/program_run.h"
@@ -105,6 +106,61 @@ TEST(MultiSession, TwoRecordingsMeetAndMakeOneMapTodayOrTomorrow) {
   for (std::size_t i = 0; i < later.size(); ++i)
     worst_m = std::max(worst_m, (later[i].world_from_camera.t - joint[300 + i].world_from_camera.t).norm());
   EXPECT_LT(worst_m, 1e-4);
+}
+
+// The recording with both cameras covered for some frames; the other images are links to its own.
+fs::path darkened(const std::string& recording, const ScratchFolder& folder, std::size_t first, std::size_t last) {
+  const fs::path out = folder.path() / "darkened";
+  fs::create_directories(out / "mav0");
+  for (const auto& part : fs::directory_iterator(fs::path(recording) / "mav0")) {
+    const fs::path there = out / "mav0" / part.path().filename();
+    if (part.path().filename() != "cam0" && part.path().filename() != "cam1") {
+      fs::create_symlink(part.path(), there);
+      continue;
+    }
+    fs::create_directories(there / "data");
+    for (const auto& file : fs::directory_iterator(part.path()))
+      if (file.is_regular_file()) fs::create_symlink(file.path(), there / file.path().filename());
+    std::vector<fs::path> images;
+    for (const auto& image : fs::directory_iterator(part.path() / "data")) images.push_back(image.path());
+    std::sort(images.begin(), images.end());
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      const fs::path image = there / "data" / images[i].filename();
+      if (i < first || i >= last)
+        fs::create_symlink(images[i], image);
+      else  // what an image is, its content says
+        std::ofstream(image) << "P5 512 384 255\n" << std::string(512 * 384, '\x06');
+    }
+  }
+  return out;
+}
+
+// Half a second of the second recording is dark, and half a metre of its way unknown: what is recognised after it puts
+// the rest where it belongs, whether it stays one session or becomes two.
+TEST(MultiSession, WhatWasLostIsFoundAgain) {
+  const std::string a = session_recording("building_a"), b = session_recording("building_b");
+  if (!fs::exists(a) || !fs::exists(b)) GTEST_SKIP() << a << " is absent";
+  const Files files;
+  const std::string database = files.folder.file("monday.db");
+  ASSERT_EQ(run_process(PARALLAX_BINARY, {"slam", a, "--pace", "lockstep", "--no-images", "--database", database}).exit_code, 0);
+  const std::string dark = darkened(b, files.folder, 40, 50).string();
+  for (const std::string& parts : {std::string("0"), std::string("1")}) {
+    const std::string copy = files.folder.file("tuesday" + parts + ".db");
+    fs::copy_file(database, copy);
+    std::vector<std::string> words{"slam", dark, "--database", copy, "--set", "sessions.new_after_failure=" + parts};
+    const auto outputs = files.outputs(parts);
+    words.insert(words.end(), outputs.begin(), outputs.end());
+    const ProcessResult run = run_process(PARALLAX_BINARY, words);
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_NE(run.err.find("frame 40: the motion was lost"), std::string::npos) << run.err;
+    EXPECT_EQ(run.out.find("met darkened-2") != std::string::npos, parts == "1") << run.out;
+    const Trajectory joint = trajectory_of(files.folder.file(parts + "joint.txt"));
+    EXPECT_EQ(joint.size(), 140u);
+    EXPECT_LT(rigid_ate_m(joint, trajectory_of(files.folder.file(parts + "joint_truth.txt"))), 0.01);
+    const Precision precision = precision_of(read_all(files.folder.file(parts + "encounters.csv")));
+    EXPECT_EQ(precision.wrong, 0) << precision.worst_m << " m, " << precision.worst_rad << " rad";
+    EXPECT_GE(precision.right, 50);
+  }
 }
 
 TEST(MultiSession, WhatCannotBeIsOneLine) {

@@ -130,6 +130,41 @@ TEST_F(TwoSessions, NothingIsConfirmedAcrossALoss) {
   EXPECT_LT(other.disagreement(after, later), EncounterVoteOptions().gate);
 }
 
+// What was recognised before the motion was lost is no rival of what is recognised after it.
+TEST_F(TwoSessions, AfterALossTheVoteBeginsAnew) {
+  EncounterVote other;
+  SimulatedSession broken = second;
+  broken.constraints[39].after_failure = true;
+  broken.constraints[39].from_from_to = {};
+  for (const StereoConstraint& c : first.constraints) other.extend(1, c);
+  for (const StereoConstraint& c : broken.constraints) other.extend(2, c);
+  for (int i = 10; i < 40; ++i) other.add(right(i));
+  for (int i = 40; i < 45; ++i) {
+    const auto verdict = other.add(right(i));
+    EXPECT_TRUE(verdict.activate.empty() && verdict.refuse.empty()) << i;
+  }
+  const auto verdict = other.add(right(45));
+  EXPECT_EQ(verdict.activate, (std::vector<std::int64_t>{31, 32, 33, 34, 35, 36}));
+  EXPECT_TRUE(verdict.refuse.empty());
+  EXPECT_EQ(other.add(right(46)).activate, (std::vector<std::int64_t>{37}));
+}
+
+// The first session goes by a place before and after a loss; which of the two its keyframes show cannot be compared.
+TEST_F(TwoSessions, TheSamePlaceOnBothSidesOfALossIsNotTwoPlaces) {
+  EncounterVote other;
+  SimulatedSession broken = first;
+  broken.constraints[59].after_failure = true;
+  for (const StereoConstraint& c : broken.constraints) other.extend(1, c);
+  for (const StereoConstraint& c : second.constraints) other.extend(2, c);
+  std::size_t active = 0;
+  for (int i = 10; i < 20; ++i) {
+    Encounter again = simulate_encounter(next++, first, 30 + i + 40, second, i, 1, &rng);
+    active += other.add(right(i)).activate.size();
+    active += other.add(again).activate.size();
+  }
+  EXPECT_EQ(active, 20u);
+}
+
 TEST(EncounterVote, WithinASessionThreeAreEnoughAndOdometryHasASay) {
   const SimulatedSession s = simulate_session(1, 300, 0, 1, 3);  // 75 m: once round and a third
   EncounterVote vote;

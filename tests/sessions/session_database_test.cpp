@@ -12,6 +12,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "sessions/session_optimiser.h"
 #include "tests/map/unreliable_disk.h"
 #include "tests/sessions/fabricated_sessions.h"
 #include "tests/support/memory_folder.h"
@@ -391,6 +392,52 @@ TEST(SessionDatabase, TakesAnothersSessions) {
   EXPECT_TRUE(verify_session_database(here.path()).empty());
 }
 
+// The same recording is told by when it began, its source and what its first keyframe saw.
+TEST(SessionDatabase, TakesNoSessionTwice) {
+  const MemoryFolder folder;
+  SessionDatabase there(folder.file("there"), SqliteMode::write);
+  save_two_sessions(&there, 2);
+  SessionDatabase here(folder.file("here"), SqliteMode::write);
+  const auto refused = [&] {
+    try {
+      here.take(&there);
+    } catch (const InputError& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  ASSERT_EQ(refused(), "");
+  here.rename_session(2, "thursday");
+  here.erase_session(1);
+  const SessionDocument before = here.read();
+  EXPECT_EQ(refused(), there.path() + ": session 'tuesday' is in " + here.path() +
+                           " already, as 'thursday' (number 2): found the same recording begun at the same time, "
+                           "expected sessions that " +
+                           here.path() + " has not");
+  expect_same(before, here.read());
+  EXPECT_TRUE(verify_session_database(here.path()).empty());
+  // Begun at the same time, of the same source, but something else was seen.
+  SessionFabricator make(3);
+  there.truncate_session(2, 0);
+  EXPECT_NO_THROW(here.expect_new_sessions(&there));
+  there.save(make.batch(2, 2, false));
+  EXPECT_NO_THROW(here.expect_new_sessions(&there));
+  here.truncate_session(2, 0);
+  EXPECT_NO_THROW(here.expect_new_sessions(&there));
+  there.truncate_session(2, 0);
+  EXPECT_THROW(here.expect_new_sessions(&there), InputError) << "neither has seen anything";
+  here.erase_session(2);
+  EXPECT_EQ(refused(), "");
+  // Alike in all but the source, and begun in the same second as a rule.
+  SessionDatabase one(folder.file("one"), SqliteMode::write), two(folder.file("two"), SqliteMode::write);
+  for (SessionDatabase* database : {&one, &two}) {
+    SessionStart start = fabricated_start("walk");
+    if (database == &two) start.source = "another camera";
+    database->save(SessionFabricator(5).batch(database->begin_session(start).id, 2, false));
+  }
+  EXPECT_NO_THROW(one.expect_new_sessions(&two));
+}
+
 TEST(SessionDatabase, ASessionGoesWithAllThatHangsOnIt) {
   const MemoryFolder folder;
   const std::string path = folder.file("a");
@@ -620,7 +667,66 @@ TEST(SessionDatabase, LossOfPowerLeavesOneOfTheTwoStates) {
   EXPECT_GT(seconds, 0);
 }
 
-// A process that does nothing but save is killed at 200 moments: what it said was saved is there, and nothing half.
+// An encounter is switched off together with the estimates that follow from it, or neither is.
+TEST(SessionDatabase, LossOfPowerLeavesEncountersWithTheirEstimates) {
+  const MemoryFolder folder;
+  const auto along = [](double metres) { return RigidTransform(Eigen::Matrix3d::Identity(), {metres, 0, 0}); };
+  // Two walks along a line, which met at one place, or 0.3 m from it: they agree on the middle.
+  const auto fill = [&](SessionDatabase* database) {
+    SessionFabricator make(14);
+    for (const char* name : {"monday", "tuesday"}) {
+      SessionState state = database->begin_session(fabricated_start(name));
+      SessionBatch batch = make.batch(state.id, 3, false);
+      for (auto& added : batch.keyframes) added.keyframe.session_from_camera = along(0.1 * added.keyframe.index);
+      for (StereoConstraint& c : batch.windows[0].constraints) {
+        c.from_from_to = along(0.1);
+        c.covariance = 1e-6 * Matrix6d::Identity();
+      }
+      if (state.id == 2) {
+        for (const double metres : {0.0, 0.3}) {
+          batch.encounters.push_back(make.encounter(metres > 0 ? 2 : 1, {1, 1}, {2, 1}, EncounterState::active));
+          batch.encounters.back().found_from_query = along(metres);
+          batch.encounters.back().covariance = 0.09 * Matrix6d::Identity();
+        }
+        state.component = 1;
+        batch.states = {state};
+      }
+      database->save(batch);
+    }
+    reoptimise_sessions(database);
+  };
+  std::mt19937_64 rng(17);
+  int before = 0, after = 0;
+  bool saved_whole = false;
+  for (int operation = 1; !saved_whole; ++operation) {
+    ASSERT_LT(operation, 1000);
+    for (int way = 0; way < 2; ++way) {
+      UnreliableDisk disk;
+      {
+        SessionDatabase database("db", SqliteMode::write, "test", disk.name());
+        fill(&database);
+        Encounter wrong = database.read().encounters[1];
+        wrong.state = EncounterState::off;
+        disk.power_lost_at(disk.operations() + operation);
+        try {
+          reoptimise_sessions(&database, {wrong});
+          saved_whole = true;
+        } catch (const RunError&) {
+        }
+      }
+      disk.restore_power(&rng);
+      const SessionDocument found = sessions_on(disk, folder);
+      const bool off = found.encounters[1].state == EncounterState::off;
+      EXPECT_NEAR(found.sessions[1].global_from_session.t.x(), off ? 0 : 0.15, 1e-3) << "at operation " << operation;
+      ++(off ? after : before);
+    }
+  }
+  EXPECT_GT(before, 3);
+  EXPECT_GT(after, 0);
+}
+
+// A process that does nothing but save is killed at 200 moments: what it said was saved is there, and nothing half. Every tenth time it is
+// killed after a save and before its word of it, where by chance it is hardly ever met.
 TEST(SessionDatabase, AKillAtAnyMomentLosesNothingThatWasSaved) {
   // A kill loses nothing of what was written, in memory or on a disk; more saves fit between two.
   const MemoryFolder folder;
@@ -631,6 +737,7 @@ TEST(SessionDatabase, AKillAtAnyMomentLosesNothingThatWasSaved) {
   std::mt19937_64 rng(3);
   int untold = 0;
   for (int kill_number = 0; kill_number < 200; ++kill_number) {
+    const bool before_its_word = kill_number % 10 == 9;
     int channel[2];
     ASSERT_EQ(pipe(channel), 0);
     const pid_t child = fork();
@@ -645,6 +752,7 @@ TEST(SessionDatabase, AKillAtAnyMomentLosesNothingThatWasSaved) {
           batch.keyframes = {make.keyframe(index)};
           if (index > 0) batch.windows = {make.window(index - 1, index)};
           database.save(batch);
+          if (before_its_word && index == last + 3) raise(SIGSTOP);
           if (write(channel[1], &index, sizeof index) != sizeof index) _exit(1);
         }
       } catch (...) {
@@ -654,9 +762,14 @@ TEST(SessionDatabase, AKillAtAnyMomentLosesNothingThatWasSaved) {
     close(channel[1]);
     int index = 0;
     if (read(channel[0], &index, sizeof index) == sizeof index) last = index;
-    usleep(static_cast<useconds_t>(rng() % 6000));
-    kill(child, SIGKILL);
     int status = 0;
+    if (before_its_word) {
+      ASSERT_EQ(waitpid(child, &status, WUNTRACED), child);
+      ASSERT_TRUE(WIFSTOPPED(status)) << "it ended by itself: " << WEXITSTATUS(status);
+    } else {
+      usleep(static_cast<useconds_t>(rng() % 6000));
+    }
+    kill(child, SIGKILL);
     waitpid(child, &status, 0);
     ASSERT_TRUE(WIFSIGNALED(status)) << "it ended by itself: " << WEXITSTATUS(status);
     while (read(channel[0], &index, sizeof index) == sizeof index) last = index;
@@ -671,7 +784,7 @@ TEST(SessionDatabase, AKillAtAnyMomentLosesNothingThatWasSaved) {
     last = found_last;
   }
   EXPECT_GT(last, 250) << "saves between the kills";
-  EXPECT_GT(untold, 0) << "kills between a save and its word";
+  EXPECT_GE(untold, 20) << "kills between a save and its word";
   EXPECT_TRUE(verify_session_database(path).empty());
 }
 
