@@ -96,8 +96,6 @@ void write_encounters_csv(const SlamSessionsResult& run, const std::string& path
 
 std::string meetings_text(const SlamSessionsResult& run) {
   std::ostringstream out;
-  std::map<int, std::string> name;
-  for (const SessionState& s : run.view.sessions) name[s.id] = s.start.name;
   std::map<EncounterState, int> within, between;
   for (const Encounter& e : run.view.encounters) ++(e.within_session() ? within : between)[e.state];
   const auto line = [&](const char* what, std::map<EncounterState, int>& count) {
@@ -110,12 +108,23 @@ std::string meetings_text(const SlamSessionsResult& run) {
   line("loops within sessions", within);
   line("encounters between sessions", between);
   for (const SlamSessionOutcome& session : run.sessions)
-    for (const Encounter& e : session.meetings) {
-      const bool is_query = e.query.session == session.state.id;
+    for (const auto& [e, other] : session.meetings) {
+      const auto part_with = [&](const PoseKey& key) {
+        return std::find_if(session.parts.begin(), session.parts.end(),
+                            [&](const SlamLinkPart& part) { return part.state.id == key.session; });
+      };
+      const bool is_query = part_with(e.query) != session.parts.end();
       const PoseKey &here = is_query ? e.query : e.found, &there = is_query ? e.found : e.query;
-      out << name[here.session] << " met " << name[there.session] << " at its pose " << here.keyframe << " (pose "
-          << there.keyframe << " of the other)\n";
+      const auto part = part_with(here);
+      const SessionState& own = part == session.parts.end() ? session.state : part->state;
+      out << own.start.name << " met " << other << " at its pose " << here.keyframe << " (pose " << there.keyframe
+          << " of the other)\n";
     }
+  std::map<int, int> sessions_in;  // a component
+  for (const SessionState& state : run.view.sessions) ++sessions_in[state.component];
+  for (const SessionState& state : run.view.sessions)
+    if (sessions_in.size() > 1 && sessions_in[state.component] == 1)
+      out << state.start.name << " has met no other session: it has a frame of its own\n";
   // As the sessions' own tables (MS Table 2).
   for (const auto& [module, label] :
        {std::pair{SessionModule::place_recognition, "place recognition"}, {SessionModule::pose_graph, "pose graph"}}) {

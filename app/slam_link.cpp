@@ -62,7 +62,7 @@ void SlamLink::begin_part(const StereoKeyframe& keyframe, const StereoWindow& wi
 void SlamLink::take_answers(bool* loop) {
   for (BackEndAnswer& answer : link_->take_answers()) {
     if (loop) *loop |= answer.loop;
-    for (Encounter& meeting : answer.meetings) meetings_.push_back(std::move(meeting));
+    for (SessionMeeting& meeting : answer.meetings) meetings_.push_back(std::move(meeting));
   }
 }
 

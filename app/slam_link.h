@@ -49,7 +49,7 @@ class SlamLink {
   void finish(const SlamResult& result);
 
   // Meetings with other sessions, in order, as the back end told of them.
-  const std::vector<Encounter>& meetings() const { return meetings_; }
+  const std::vector<SessionMeeting>& meetings() const { return meetings_; }
 
  private:
   void begin_part(const StereoKeyframe& keyframe, const StereoWindow& window);
@@ -65,7 +65,7 @@ class SlamLink {
   std::optional<SessionPose> last_;
   std::vector<SlamLinkPart> parts_;
   std::size_t constraints_sent_ = 0, points_sent_ = 0, timings_sent_ = 0;
-  std::vector<Encounter> meetings_;
+  std::vector<SessionMeeting> meetings_;
 };
 
 }  // namespace parallax

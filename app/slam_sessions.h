@@ -40,7 +40,7 @@ struct SlamSessionOutcome {
   std::vector<StereoSessionPose> before;  // as the windows alone had them
   SessionState state;                     // of the first part
   std::vector<SlamLinkPart> parts;        // several when the motion was lost and that begins a session
-  std::vector<Encounter> meetings;
+  std::vector<SessionMeeting> meetings;
   Trajectory truth;
   double frames_per_second = 0;
 

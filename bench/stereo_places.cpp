@@ -315,8 +315,8 @@ class PlotPage {
   }
   void save(const std::string& path) const {
     write_file_atomically(path, [this](std::ostream& out) {
-      out << "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " << width_px_ << ' ' << height_px_ << "\" width=\""
-          << width_px_ << "\" height=\"" << height_px_
+      out << "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " << width_px_ << ' ' << height_px_
+          << "\" width=\"" << width_px_ << "\" height=\"" << height_px_
           << "\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
           << body_ << "</svg>\n";
     });
@@ -345,7 +345,8 @@ void print_curves(const Walk& open, const std::string& set, const PlaceRecognise
     curves.push_back(std::move(series));
   };
   curve(
-      "similarity of words (Eq. 4)", "words", kWordsColour, false, [](const PlaceEncounter& e) { return e.bow; }, false);
+      "similarity of words (Eq. 4)", "words", kWordsColour, false, [](const PlaceEncounter& e) { return e.bow; },
+      false);
   const auto crf = [](const PlaceEncounter& e) {
     const double eta = worse_of(e.crf_near, e.crf_far);
     return std::isnan(eta) ? -HUGE_VAL : -eta;
@@ -357,7 +358,9 @@ void print_curves(const Walk& open, const std::string& set, const PlaceRecognise
   print_curve(
       "CRF-Matching, far", open, [](const PlaceEncounter& e) { return std::isnan(e.crf_far) ? -HUGE_VAL : -e.crf_far; },
       false);
-  const auto inliers = [](const PlaceEncounter& e) { return e.inliers > 0 ? static_cast<double>(e.inliers) : -HUGE_VAL; };
+  const auto inliers = [](const PlaceEncounter& e) {
+    return e.inliers > 0 ? static_cast<double>(e.inliers) : -HUGE_VAL;
+  };
   curve("geometry: inliers, nothing else asked", "geometry", kGeometryColour, false, inliers, true);
   curve(
       "geometry: inliers, of what CRF-Matching lets through", "geometry of what CRF lets through", kAllColour, true,

@@ -275,7 +275,7 @@ BackEndAnswer BackEnd::add(int number, const SessionWindow& window) {
   const int last = fresh.constraints.back().to;
   note_time({{number, last}, SessionModule::pose_graph, milliseconds_since(begin), answer.loop});
   if (database_) batch_of(number).windows.push_back(std::move(fresh));
-  const std::vector<Encounter> meetings = std::move(answer.meetings);
+  const std::vector<SessionMeeting> meetings = std::move(answer.meetings);
   const bool loop = answer.loop;
   answer = answer_for(number);
   answer.meetings = meetings;
@@ -318,8 +318,10 @@ void BackEnd::take_encounter(const Encounter& encounter, BackEndAnswer* answer) 
     accepted.state = EncounterState::active;
     changed_.insert(id);
     answer->loop = true;
-    if (graph_.component(accepted.found.session) != graph_.component(accepted.query.session))
-      answer->meetings.push_back(accepted);
+    if (graph_.component(accepted.found.session) != graph_.component(accepted.query.session)) {
+      const PoseKey& other = accepted.found.session == answer->session ? accepted.query : accepted.found;
+      answer->meetings.push_back({accepted, sessions_.at(other.session).state.start.name});
+    }
     if (graph_.has_encounter(id))
       graph_.set_active(id, true);
     else

@@ -39,6 +39,12 @@ struct BackEndOptions {
   void validate() const;
 };
 
+// Two sessions have met: one that a front end works on, and the one of this name.
+struct SessionMeeting {
+  Encounter encounter;
+  std::string other;
+};
+
 // What became of a keyframe or a window.
 struct BackEndAnswer {
   int session = 0;
@@ -46,7 +52,7 @@ struct BackEndAnswer {
   int in_graph = 0;   // that the graph holds
   bool loop = false;  // an encounter was accepted geometrically: the window may be handed over (MS §3.2)
   // Sessions that this one has met just now for the first time, and where.
-  std::vector<Encounter> meetings;
+  std::vector<SessionMeeting> meetings;
   RigidTransform global_from_session;
   int component = 0;
 };

@@ -178,7 +178,8 @@ EncounterVote::Verdict EncounterVote::add(const Encounter& encounter) {
   // those beyond a loss of motion it can do neither.
   std::vector<std::pair<double, std::size_t>> active;
   for (std::size_t i = 0; i < all.size(); ++i)
-    if (all[i].state == EncounterState::active && is_odometry_between(all[i], encounter)) active.emplace_back(distance(all[i]), i);
+    if (all[i].state == EncounterState::active && is_odometry_between(all[i], encounter))
+      active.emplace_back(distance(all[i]), i);
   std::sort(active.begin(), active.end());
   if (active.size() > kMostCompared) active.resize(kMostCompared);
   int supporters = 0;

@@ -258,7 +258,7 @@ BegunMessage read_begun(Bytes bytes) {
 
 AnswerMessage read_answer(Bytes bytes) {
   constexpr const char* kType = "answer";
-  const auto in = read_as<wire::answer, 1>(bytes, {element_size<wire::encounter>()});
+  const auto in = read_as<wire::answer, 2>(bytes, {element_size<wire::encounter>(), 1});
   AnswerMessage out;
   out.number = number_from_wire(in.number, kType);
   if (!in.has_answer) return out;
@@ -268,7 +268,14 @@ AnswerMessage read_answer(Bytes bytes) {
   answer.loop = in.loop != 0;
   answer.component = index_from_wire(in.component, kType);
   answer.global_from_session = from_wire(in.global_from_session, kType);
-  for (const wire::encounter& meeting : in.meetings) answer.meetings.push_back(from_wire(meeting, kType));
+  auto name = in.others.begin();
+  for (const wire::encounter& meeting : in.meetings) {
+    const auto end = std::find(name, in.others.end(), '\n');
+    require(end != in.others.end(), kType, "a name");
+    answer.meetings.push_back({from_wire(meeting, kType), text_from_wire({name, end}, 300, kType)});
+    name = end + 1;
+  }
+  require(name == in.others.end(), kType, "a name");
   out.answer = std::move(answer);
   return out;
 }
@@ -413,7 +420,12 @@ std::string encode(const AnswerMessage& message) {
     out.loop = answer->loop;
     out.component = answer->component;
     out.global_from_session = to_wire(answer->global_from_session);
-    for (const Encounter& meeting : answer->meetings) out.meetings.push_back(to_wire(meeting));
+    for (const SessionMeeting& meeting : answer->meetings) {
+      out.meetings.push_back(to_wire(meeting.encounter));
+      out.others.insert(out.others.end(), meeting.other.begin(), meeting.other.end());
+      out.others.push_back('\n');
+    }
+    out.others_size = static_cast<std::int32_t>(out.others.size());
     out.meeting_count = static_cast<std::int32_t>(out.meetings.size());
   }
   return lcm_codec::encode(out);

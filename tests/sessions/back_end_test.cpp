@@ -177,6 +177,7 @@ TEST_F(BackEndOfBlankWalls, EncountersThatWaitForTheirWindowOutliveTheBackEnd) {
   const auto back_end = make(&database);
   const BackEndAnswer answer = back_end->add(2, window(0, kCount - 1));
   ASSERT_EQ(answer.meetings.size(), 1u);
+  EXPECT_EQ(answer.meetings[0].other, start.name);
   EXPECT_EQ(answer.component, 1);
   EXPECT_LT(answer.global_from_session.log().norm(), 0.05);
 }

@@ -153,7 +153,8 @@ TEST(LcmMessages, BackEndMessagesComeBackToTheLastBit) {
   answer.answer->loop = true;
   answer.answer->component = 1;
   answer.answer->global_from_session = odd_pose(3);
-  Encounter& meeting = answer.answer->meetings.emplace_back();
+  answer.answer->meetings.push_back({{}, "third floor"});
+  Encounter& meeting = answer.answer->meetings[0].encounter;
   meeting.id = 1LL << 40;
   meeting.found = {1, 12};
   meeting.query = {4, 89};
@@ -172,7 +173,8 @@ TEST(LcmMessages, BackEndMessagesComeBackToTheLastBit) {
   EXPECT_TRUE(got.answer->loop);
   EXPECT_EQ(got.answer->global_from_session.R, answer.answer->global_from_session.R);
   ASSERT_EQ(got.answer->meetings.size(), 1u);
-  const Encounter& e = got.answer->meetings[0];
+  EXPECT_EQ(got.answer->meetings[0].other, "third floor");
+  const Encounter& e = got.answer->meetings[0].encounter;
   EXPECT_EQ(e.id, meeting.id);
   EXPECT_EQ(e.found, meeting.found);
   EXPECT_EQ(e.query, meeting.query);

@@ -725,8 +725,8 @@ TEST(SessionDatabase, LossOfPowerLeavesEncountersWithTheirEstimates) {
   EXPECT_GT(after, 0);
 }
 
-// A process that does nothing but save is killed at 200 moments: what it said was saved is there, and nothing half. Every tenth time it is
-// killed after a save and before its word of it, where by chance it is hardly ever met.
+// A process that does nothing but save is killed at 200 moments: what it said was saved is there, and nothing half.
+// Every tenth time it is killed after a save and before its word of it, where by chance it is hardly ever met.
 TEST(SessionDatabase, AKillAtAnyMomentLosesNothingThatWasSaved) {
   // A kill loses nothing of what was written, in memory or on a disk; more saves fit between two.
   const MemoryFolder folder;
