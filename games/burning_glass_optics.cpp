@@ -1,6 +1,7 @@
 #include "games/burning_glass_optics.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -13,29 +14,67 @@ constexpr double kGoldenAngle = 2.399963229728653;  // of a sunflower's seeds
 constexpr double kEdgeThickness = 0.02;             // of a simple glass, in diameters: it must be held somewhere
 constexpr int kTurns = 4096;                        // of a bundle, before they come again
 
-// Snell's law for unit vectors, which gives one; false when all is reflected. `normal` points against the ray.
-bool refract(const Eigen::Vector3d& normal, double index_ratio, Eigen::Vector3d* direction) {
-  const double along = -normal.dot(*direction);
-  const double under_root = 1 - index_ratio * index_ratio * (1 - along * along);
-  if (!(under_root >= 0)) return false;
-  *direction = index_ratio * *direction + (index_ratio * along - std::sqrt(under_root)) * normal;
-  return true;
+// N rays side by side: one of doubles, or many of floats.
+template <class T, int N>
+struct Rays {
+  using Lanes = Eigen::Array<T, N, 1>;
+  Lanes px, py, pz, dx, dy, dz;
+  Eigen::Array<bool, N, 1> passed = Eigen::Array<bool, N, 1>::Constant(true);  // what did not has values of no meaning
+
+  // Rotates and moves places, and rotates directions.
+  void transform(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
+    rotate(R, &px, &py, &pz);
+    rotate(R, &dx, &dy, &dz);
+    px += static_cast<T>(t.x());
+    py += static_cast<T>(t.y());
+    pz += static_cast<T>(t.z());
+  }
+  static void rotate(const Eigen::Matrix3d& rotation, Lanes* x, Lanes* y, Lanes* z) {
+    const Eigen::Matrix<T, 3, 3> R = rotation.cast<T>();
+    const Lanes a = *x, b = *y, c = *z;
+    *x = R(0, 0) * a + R(0, 1) * b + R(0, 2) * c;
+    *y = R(1, 0) * a + R(1, 1) * b + R(1, 2) * c;
+    *z = R(2, 0) * a + R(2, 1) * b + R(2, 2) * c;
+  }
+};
+
+// Moves along the rays to a sphere about (0, 0, centre_z), to the first meeting or the second, and there from one
+// index of refraction to another by Snell's law for unit vectors, which leaves them unit vectors.
+template <class T, int N>
+void through_face(T centre_z, T radius, bool first, T index_ratio, Rays<T, N>* rays) {
+  using Lanes = typename Rays<T, N>::Lanes;
+  Rays<T, N>& r = *rays;
+  const T side = first ? 1 : -1;
+  const Lanes z = r.pz - centre_z;
+  const Lanes b = r.px * r.dx + r.py * r.dy + z * r.dz;
+  const Lanes to_sphere = b.square() - (r.px.square() + r.py.square() + z.square()) + radius * radius;
+  const Lanes way = -b - side * to_sphere.max(T(0)).sqrt();
+  r.px += way * r.dx;
+  r.py += way * r.dy;
+  r.pz += way * r.dz;
+  // The normal against the ray.
+  const T scale = side / radius;
+  const Lanes nx = r.px * scale, ny = r.py * scale, nz = (r.pz - centre_z) * scale;
+  const Lanes along = -(nx * r.dx + ny * r.dy + nz * r.dz);
+  const Lanes under_root = T(1) - index_ratio * index_ratio * (T(1) - along.square());
+  const Lanes normal_part = index_ratio * along - under_root.max(T(0)).sqrt();
+  r.dx = index_ratio * r.dx + normal_part * nx;
+  r.dy = index_ratio * r.dy + normal_part * ny;
+  r.dz = index_ratio * r.dz + normal_part * nz;
+  r.passed = r.passed && to_sphere >= T(0) && under_root >= T(0);
 }
 
-// Moves along a ray to a sphere about (0, 0, centre_z): to its first meeting or its second.
-bool advance_to_sphere(double centre_z, double radius, bool first, const Eigen::Vector3d& direction,
-                       Eigen::Vector3d* position) {
-  const Eigen::Vector3d from_centre = *position - Eigen::Vector3d(0, 0, centre_z);
-  const double b = from_centre.dot(direction);
-  const double under_root = b * b - from_centre.squaredNorm() + radius * radius;
-  if (!(under_root >= 0)) return false;
-  *position += (first ? -b - std::sqrt(under_root) : -b + std::sqrt(under_root)) * direction;
-  return true;
-}
-
-Eigen::Vector2d turned(const Eigen::Vector2d& v, double c, double s) {
-  return {c * v.x() - s * v.y(), s * v.x() + c * v.y()};
-}
+struct Turn {
+  explicit Turn(double angle) : c(static_cast<float>(std::cos(angle))), s(static_cast<float>(std::sin(angle))) {}
+  template <class Places>
+  Places operator()(const Places& places) const {
+    Places out;
+    out.col(0) = c * places.col(0) - s * places.col(1);
+    out.col(1) = s * places.col(0) + c * places.col(1);
+    return out;
+  }
+  float c, s;
+};
 
 }  // namespace
 
@@ -77,45 +116,67 @@ LightPath::LightPath(const Lens& lens, const Eigen::Vector3d& towards_sun) : len
   focus_m_ = lens.centre_m + light_ * (to_focus / std::max(facing_, 1e-9));
 }
 
-bool LightPath::through_glass(Eigen::Vector3d* position, Eigen::Vector3d* direction) const {
-  const double centre = face_radius_m_ - thickness_m_ / 2;  // of the first face's sphere, behind the lens
-  if (!advance_to_sphere(centre, face_radius_m_, true, *direction, position)) return false;
-  Eigen::Vector3d normal = (*position - Eigen::Vector3d(0, 0, centre)) / face_radius_m_;
-  if (!refract(normal, 1 / kGlassIndex, direction)) return false;
-  if (!advance_to_sphere(-centre, face_radius_m_, false, *direction, position)) return false;
-  normal = (Eigen::Vector3d(0, 0, -centre) - *position) / face_radius_m_;
-  return refract(normal, kGlassIndex, direction);
+// The rays that go through these places on the lens and come from these on the sun, both on the unit disc: where they
+// are on the plane, for those that get there.
+template <class T, int N>
+void LightPath::follow(const Eigen::Array<T, N, 2>& on_lens, const Eigen::Array<T, N, 2>& on_sun,
+                       Eigen::Array<T, N, 2>* position_m, RayEnd* ends) const {
+  Rays<T, N> rays;
+  const T radius = static_cast<T>(lens_.diameter_m / 2);
+  rays.px = on_lens.col(0) * radius;
+  rays.py = on_lens.col(1) * radius;
+  rays.pz.setZero();
+  const Eigen::Matrix<T, 3, 1> light = (plane_from_lens_.transpose() * light_).template cast<T>(),
+                               right = (plane_from_lens_.transpose() * sun_right_).template cast<T>(),
+                               up = (plane_from_lens_.transpose() * sun_up_).template cast<T>();
+  rays.dx = light.x() + right.x() * on_sun.col(0) + up.x() * on_sun.col(1);
+  rays.dy = light.y() + right.y() * on_sun.col(0) + up.y() * on_sun.col(1);
+  rays.dz = light.z() + right.z() * on_sun.col(0) + up.z() * on_sun.col(1);
+  rays.passed = rays.dz > T(1e-9);  // not along the lens
+  if (lens_.shape == LensShape::corrected) {
+    const T power = static_cast<T>(1 / lens_.focal_length_m);
+    const typename Rays<T, N>::Lanes depth = rays.dz.max(T(1e-9));
+    rays.dx = rays.dx / depth - rays.px * power;
+    rays.dy = rays.dy / depth - rays.py * power;
+    rays.dz.setOnes();
+  } else {
+    const typename Rays<T, N>::Lanes norm = (rays.dx.square() + rays.dy.square() + rays.dz.square()).sqrt();
+    rays.dx /= norm;
+    rays.dy /= norm;
+    rays.dz /= norm;
+    const T centre = static_cast<T>(face_radius_m_ - thickness_m_ / 2);  // of the first face's sphere, behind the lens
+    const T face = static_cast<T>(face_radius_m_), index = static_cast<T>(kGlassIndex);
+    through_face(centre, face, true, 1 / index, &rays);
+    through_face(-centre, face, false, index, &rays);
+  }
+  rays.transform(plane_from_lens_, lens_.centre_m);
+  const Eigen::Array<bool, N, 1> lands = rays.dz < T(-1e-9) && rays.pz > T(0);
+  const typename Rays<T, N>::Lanes way = -rays.pz / rays.dz.min(T(-1e-9));
+  position_m->col(0) = rays.px + way * rays.dx;
+  position_m->col(1) = rays.py + way * rays.dy;
+  for (int i = 0; i < N; ++i) ends[i] = !rays.passed[i] ? RayEnd::reflected : lands[i] ? RayEnd::plane : RayEnd::sky;
 }
 
 RayEnd LightPath::follow(const Eigen::Vector2d& on_lens, const Eigen::Vector2d& on_sun,
                          Eigen::Vector2d* position_m) const {
-  const Eigen::Vector3d incoming = light_ + on_sun.x() * sun_right_ + on_sun.y() * sun_up_;
-  Eigen::Vector3d direction = plane_from_lens_.transpose() * incoming;
-  const double radius = lens_.diameter_m / 2;
-  Eigen::Vector3d position(on_lens.x() * radius, on_lens.y() * radius, 0);
-  if (!(direction.z() > 1e-9)) return RayEnd::reflected;  // along the lens
-  if (lens_.shape == LensShape::corrected) {
-    direction /= direction.z();
-    direction.head<2>() -= position.head<2>() / lens_.focal_length_m;
-  } else {
-    direction.normalize();
-    if (!through_glass(&position, &direction)) return RayEnd::reflected;
-  }
-  const Eigen::Vector3d from = lens_.centre_m + plane_from_lens_ * position;
-  const Eigen::Vector3d towards = plane_from_lens_ * direction;
-  if (!(towards.z() < -1e-9 && from.z() > 0)) return RayEnd::sky;
-  *position_m = (from - towards * (from.z() / towards.z())).head<2>();
-  return RayEnd::plane;
+  Eigen::Array<double, 1, 2> position;
+  RayEnd end;
+  follow<double, 1>(on_lens.transpose().array(), on_sun.transpose().array(), &position, &end);
+  if (end == RayEnd::plane) *position_m = position.matrix().transpose();
+  return end;
 }
 
-RayBundle::RayBundle(int count, std::uint64_t seed) {
+RayBundle::RayBundle(int count, std::uint64_t seed) : size_(count) {
   Generator generator(seed);
+  const int rows = (count + kLanes - 1) / kLanes * kLanes;
+  on_lens_.setZero(rows, 2);
   for (int i = 0; i < count; ++i) {
     const double radius = std::sqrt((i + 0.5) / count), angle = i * kGoldenAngle;
-    on_lens_.emplace_back(radius * std::cos(angle), radius * std::sin(angle));
+    on_lens_.row(i) << static_cast<float>(radius * std::cos(angle)), static_cast<float>(radius * std::sin(angle));
   }
   on_sun_ = on_lens_;
-  for (std::size_t i = on_sun_.size(); i > 1; --i) std::swap(on_sun_[i - 1], on_sun_[generator.next() % i]);
+  for (int i = count; i > 1; --i)
+    on_sun_.row(i - 1).swap(on_sun_.row(static_cast<int>(generator.next() % static_cast<std::uint64_t>(i))));
 }
 
 void LightOnSheet::clear() {
@@ -127,50 +188,82 @@ void LightOnSheet::clear() {
   on_sheet_m2 = beside_m2 = sky_m2 = reflected_m2 = 0;
 }
 
-void trace_light(const LightPath& path, const RayBundle& bundle, std::uint64_t turn, const SheetGrid& grid,
-                 LightOnSheet* out) {
-  out->clear();
-  if (bundle.size() == 0) return;
-  const double power = path.power_m2() / bundle.size();
-  const float share = static_cast<float>(power / (grid.cell_m() * grid.cell_m()));
-  // The two discs turn by different angles, so that no turn brings the same pairs.
-  const double lens_angle = kGoldenAngle * static_cast<double>(turn % kTurns);
-  const double sun_angle = -std::numbers::sqrt2 * static_cast<double>(turn % kTurns);
-  const double lens_c = std::cos(lens_angle), lens_s = std::sin(lens_angle);
-  const double sun_c = std::cos(sun_angle), sun_s = std::sin(sun_angle);
-  std::int64_t sky = 0, reflected = 0;
-  double on_sheet = 0, beside = 0;  // in rays
-  for (std::size_t i = 0; i < bundle.on_lens().size(); ++i) {
-    Eigen::Vector2d at;
-    const RayEnd end =
-        path.follow(turned(bundle.on_lens()[i], lens_c, lens_s), turned(bundle.on_sun()[i], sun_c, sun_s), &at);
-    if (end != RayEnd::plane) {
-      (end == RayEnd::sky ? sky : reflected) += 1;
-      continue;
-    }
-    const Eigen::Vector2d cell = grid.cell_at(at);
+namespace {
+
+// Lays rays on the sheet.
+class LightSum {
+ public:
+  LightSum(const SheetGrid& grid, float share, LightOnSheet* out) : grid_(grid), share_(share), out_(out) {}
+
+  void add(const Eigen::Vector2d& position_m) {
+    const Eigen::Vector2d cell = grid_.cell_at(position_m);
     if (!(cell.x() > -1 && cell.y() > -1 && cell.x() < kSheetCells && cell.y() < kSheetCells)) {
       beside += 1;
-      continue;
+      return;
     }
-    const int column = static_cast<int>(std::floor(cell.x())), row = static_cast<int>(std::floor(cell.y()));
+    const int column = static_cast<int>(cell.x() + 1) - 1, row = static_cast<int>(cell.y() + 1) - 1;
     const float u = static_cast<float>(cell.x() - column), v = static_cast<float>(cell.y() - row);
     const float weights[4] = {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
+    if (column >= 0 && row >= 0 && column + 1 < kSheetCells && row + 1 < kSheetCells) {
+      for (int corner = 0; corner < 4; ++corner) put(column + (corner & 1), row + (corner >> 1), weights[corner]);
+      out_->box.include(SheetBox{column, row, column + 2, row + 2});
+      on_sheet += 1;
+      return;
+    }
     for (int corner = 0; corner < 4; ++corner) {
       const int x = column + (corner & 1), y = row + (corner >> 1);
       if (x < 0 || y < 0 || x >= kSheetCells || y >= kSheetCells) {
         beside += weights[corner];
         continue;
       }
+      put(x, y, weights[corner]);
+      out_->box.include(x, y);
       on_sheet += weights[corner];
-      float& there = out->concentration[SheetGrid::index(x, y)];
-      there += weights[corner] * share;
-      out->peak = std::max(out->peak, there);
-      out->box.include(x, y);
     }
   }
-  out->on_sheet_m2 = power * on_sheet;
-  out->beside_m2 = power * beside;
+
+  double on_sheet = 0, beside = 0;  // in rays
+
+ private:
+  void put(int x, int y, float weight) {
+    float& there = out_->concentration[SheetGrid::index(x, y)];
+    there += weight * share_;
+    out_->peak = std::max(out_->peak, there);
+  }
+
+  const SheetGrid& grid_;
+  float share_;
+  LightOnSheet* out_;
+};
+
+}  // namespace
+
+void trace_light(const LightPath& path, const RayBundle& bundle, std::uint64_t turn, const SheetGrid& grid,
+                 LightOnSheet* out) {
+  out->clear();
+  if (bundle.size() == 0) return;
+  const double power = path.power_m2() / bundle.size();
+  // The two discs turn by different angles, so that no turn brings the same pairs.
+  const Turn turn_lens(kGoldenAngle * static_cast<double>(turn % kTurns)),
+      turn_sun(-std::numbers::sqrt2 * static_cast<double>(turn % kTurns));
+  std::int64_t sky = 0, reflected = 0;
+  LightSum sum(grid, static_cast<float>(power / (grid.cell_m() * grid.cell_m())), out);
+  using Places = Eigen::Array<float, RayBundle::kLanes, 2>;
+  for (int begin = 0; begin < bundle.size(); begin += RayBundle::kLanes) {
+    Places at;
+    RayEnd ends[RayBundle::kLanes];
+    const Places on_lens = turn_lens(Places(bundle.on_lens().middleRows<RayBundle::kLanes>(begin)));
+    const Places on_sun = turn_sun(Places(bundle.on_sun().middleRows<RayBundle::kLanes>(begin)));
+    path.follow<float, RayBundle::kLanes>(on_lens, on_sun, &at, ends);
+    for (int i = 0; i < std::min(RayBundle::kLanes, bundle.size() - begin); ++i) {
+      if (ends[i] == RayEnd::plane)
+        sum.add({at(i, 0), at(i, 1)});
+      else
+        ++(ends[i] == RayEnd::sky ? sky : reflected);
+    }
+  }
+  out->on_sheet_m2 = power * sum.on_sheet;
+  out->beside_m2 = power * sum.beside;
   out->sky_m2 = power * static_cast<double>(sky);
   out->reflected_m2 = power * static_cast<double>(reflected);
 }

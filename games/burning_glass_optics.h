@@ -43,6 +43,9 @@ struct Lens {
 // Unit vector towards the sun; azimuth from x towards y, elevation from the plane up.
 Eigen::Vector3d sun_direction(double azimuth_rad, double elevation_rad);
 
+class RayBundle;
+struct LightOnSheet;
+
 enum class RayEnd { plane, sky, reflected };  // sky: never meets the plane
 
 // One lens under one sun.
@@ -64,7 +67,11 @@ class LightPath {
   double thickness_m() const { return thickness_m_; }
 
  private:
-  bool through_glass(Eigen::Vector3d* position, Eigen::Vector3d* direction) const;
+  friend void trace_light(const LightPath& path, const RayBundle& bundle, std::uint64_t turn, const SheetGrid& grid,
+                          LightOnSheet* out);
+  template <class T, int N>
+  void follow(const Eigen::Array<T, N, 2>& on_lens, const Eigen::Array<T, N, 2>& on_sun,
+              Eigen::Array<T, N, 2>* position_m, RayEnd* ends) const;
 
   Lens lens_;
   Eigen::Matrix3d plane_from_lens_;  // rotation; z along the light
@@ -73,16 +80,21 @@ class LightPath {
   double power_m2_ = 0, facing_ = 0, face_radius_m_ = 0, thickness_m_ = 0;
 };
 
-// Places on the lens and on the sun for many rays: evenly spread over both discs, the pairs shuffled by the seed.
+// Places on the lens and on the sun for many rays, a row each: evenly spread over both discs, the pairs shuffled by the
+// seed.
 class RayBundle {
  public:
+  using Places = Eigen::Array<float, Eigen::Dynamic, 2>;
+  static constexpr int kLanes = 16;  // rays that are traced together; rows are filled up to a multiple, with zeros
+
   RayBundle(int count, std::uint64_t seed);
-  int size() const { return static_cast<int>(on_lens_.size()); }
-  const std::vector<Eigen::Vector2d>& on_lens() const { return on_lens_; }
-  const std::vector<Eigen::Vector2d>& on_sun() const { return on_sun_; }
+  int size() const { return size_; }
+  const Places& on_lens() const { return on_lens_; }
+  const Places& on_sun() const { return on_sun_; }
 
  private:
-  std::vector<Eigen::Vector2d> on_lens_, on_sun_;
+  int size_;
+  Places on_lens_, on_sun_;
 };
 
 // The light on the sheet, as concentration.

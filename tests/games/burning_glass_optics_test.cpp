@@ -26,13 +26,17 @@ struct Spot {
   int rays = 0;
 };
 
+RayEnd follow(const LightPath& path, const RayBundle& bundle, int ray, Vector2d* at) {
+  return path.follow(bundle.on_lens().row(ray).cast<double>().matrix().transpose(),
+                     bundle.on_sun().row(ray).cast<double>().matrix().transpose(), at);
+}
+
 Spot spot_of(const LightPath& path, int rays = 4000) {
   const RayBundle bundle(rays, 3);
   std::vector<Vector2d> hits;
   for (int i = 0; i < rays; ++i) {
-    const auto k = static_cast<std::size_t>(i);
     Vector2d at;
-    if (path.follow(bundle.on_lens()[k], bundle.on_sun()[k], &at) == RayEnd::plane) hits.push_back(at);
+    if (follow(path, bundle, i, &at) == RayEnd::plane) hits.push_back(at);
   }
   Spot out;
   out.rays = static_cast<int>(hits.size());
@@ -125,6 +129,57 @@ TEST(BurningGlassOptics, SimpleGlassHasItsParaxialFocusAndSphericalAberration) {
   const double best = narrowest_height(lens, Vector3d::UnitZ());
   EXPECT_LT(best, 0.995 * below);
   EXPECT_GT(best, 0.95 * below);
+}
+
+// Many rays at a time, in single precision, against one at a time in double.
+TEST(BurningGlassOptics, RaysTogetherGoWhereEachGoesAlone) {
+  const RayBundle bundle(1000, 9);  // no multiple of what is traced together
+  const SheetGrid grid{0.4};
+  int on_sheet = 0, reflected = 0, sky = 0;
+  for (const LensShape shape : {LensShape::corrected, LensShape::simple_glass}) {
+    for (const double tilt : {0.0, 0.4, 0.9, 1.5, 2.4}) {
+      for (const double height : {0.03, 0.2, 0.3}) {
+        Lens lens;
+        lens.shape = shape;
+        lens.centre_m = {0.02, 0.01, height};
+        lens.axis = {0, std::sin(tilt), -std::cos(tilt)};
+        const LightPath path(lens, sun_direction(0.3, 60 * kDegree));
+        Vector2d middle = Vector2d::Zero();
+        double ends[3] = {};
+        bool all_on_sheet = true;
+        for (int ray = 0; ray < bundle.size(); ++ray) {
+          Vector2d at;
+          const RayEnd end = follow(path, bundle, ray, &at);
+          ends[static_cast<int>(end)] += 1;
+          if (end != RayEnd::plane) continue;
+          middle += at;
+          all_on_sheet &= at.cwiseAbs().maxCoeff() < grid.half_extent_m - grid.cell_m();
+        }
+        LightOnSheet light;
+        trace_light(path, bundle, 0, grid, &light);
+        const double ray_m2 = path.power_m2() / bundle.size();
+        EXPECT_NEAR(light.sky_m2, ends[1] * ray_m2, 1.01 * ray_m2);  // one may just not
+        EXPECT_NEAR(light.reflected_m2, ends[2] * ray_m2, 1.01 * ray_m2);
+        EXPECT_NEAR(light.on_sheet_m2 + light.beside_m2, ends[0] * ray_m2, 1.01 * ray_m2);
+        sky += ends[1] > 0;
+        reflected += ends[2] > 0;
+        if (!all_on_sheet || ends[0] < bundle.size()) continue;
+        ++on_sheet;
+        Vector2d lit = Vector2d::Zero();  // sharing a ray among cells keeps its place
+        double sum = 0;
+        for (int row = 0; row < kSheetCells; ++row)
+          for (int column = 0; column < kSheetCells; ++column) {
+            const double value = light.concentration[SheetGrid::index(column, row)];
+            lit += value * grid.centre_of(column, row);
+            sum += value;
+          }
+        EXPECT_LT((lit / sum - middle / ends[0]).norm(), 1e-6);
+      }
+    }
+  }
+  EXPECT_GE(on_sheet, 6);
+  EXPECT_GE(sky, 1);
+  EXPECT_GE(reflected, 1);
 }
 
 TEST(BurningGlassOptics, EveryRayIsAccountedForAndEnergyIsKept) {
