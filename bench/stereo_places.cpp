@@ -373,7 +373,7 @@ void print_curves(const Walk& open, const std::string& set, const PlaceRecognise
   PlotAxes axes;
   axes.id = "precision-recall";
   axes.title = "precision over recall:";
-  for (const std::string& name : split(set, '+')) axes.title += ' ' + name.substr(name.find_last_of('/') + 1);
+  for (const std::string& name : split(set, '+')) axes.title += ' ' + name.substr(name.find_last_of("/:") + 1);
   axes.x_label = "recall, %";
   axes.y_label = "%";
   if (!curves.empty()) page->add(curves, axes);
