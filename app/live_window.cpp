@@ -121,6 +121,7 @@ bool LiveWindow::has_news() {
     const double ahead_s = latency_.take(shown_->frame.time, 1e-3 * static_cast<double>(shown_->tracked.times.total),
                                          SteadyClock::now().time_since_epoch());
     games_.frame(*shown_, game_input(game_keys(), game_has_keys() ? pad_ : GamePad{}), ahead_s);
+    tapped_.clear();
     ambient_ =
         light_.update(shown_->frame.colour.empty() ? cv::Mat(shown_->frame.grey) : cv::Mat(shown_->frame.colour));
     return true;

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "app/augmented_interface.h"
 #include "app/display_latency.h"
@@ -104,6 +105,7 @@ class LiveWindow {
   LiveMap map_file_;
   LiveMaps maps_;
   GamePad pad_;
+  std::vector<Action> tapped_;  // pressed since a game had its last frame: a short tap counts for the next one
   PadWatch pad_watch_;
   DisplayLatency latency_;
 

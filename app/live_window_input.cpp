@@ -34,7 +34,10 @@ void LiveWindow::take_keys() {
     if (enter) enter_acted_ = true;
     if (state_.task == Task::none && maps_.takes(event.key, event.modifiers, &engine_, &state_)) continue;
     if (games_.menu_is_open() && menu_takes(event)) continue;
-    if (const auto action = state_.settings.keys.action_of(event.key, event.modifiers)) act(*action);
+    if (const auto action = state_.settings.keys.action_of(event.key, event.modifiers)) {
+      if (game_has_keys()) tapped_.push_back(*action);
+      act(*action);
+    }
   }
   take_pad();
   move_hand();
@@ -171,14 +174,17 @@ GameKeys LiveWindow::game_keys() const {
   GameKeys keys;
   if (!game_has_keys() || window_->key_down(GLFW_KEY_LEFT_SHIFT) || window_->key_down(GLFW_KEY_RIGHT_SHIFT))
     return keys;
-  keys.left = is_held(Action::move_left);
-  keys.right = is_held(Action::move_right);
-  keys.away = is_held(Action::move_forward);
-  keys.near = is_held(Action::move_back);
-  keys.fire = is_held(Action::initialise);
-  keys.act = is_held(Action::game_act);
-  keys.more = is_held(Action::game_more);
-  keys.less = is_held(Action::game_less);
+  const auto is_down = [this](Action action) {
+    return is_held(action) || std::find(tapped_.begin(), tapped_.end(), action) != tapped_.end();
+  };
+  keys.left = is_down(Action::move_left);
+  keys.right = is_down(Action::move_right);
+  keys.away = is_down(Action::move_forward);
+  keys.near = is_down(Action::move_back);
+  keys.fire = is_down(Action::initialise);
+  keys.act = is_down(Action::game_act);
+  keys.more = is_down(Action::game_more);
+  keys.less = is_down(Action::game_less);
   return keys;
 }
 
