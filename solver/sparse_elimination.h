@@ -1,7 +1,8 @@
 // A sparse symmetric positive definite system H x = -g whose Cholesky factor is kept up to date while elements come, go
 // and change: a tree of supernodes (cliques), each with its columns of the factor and with what it hands on to its
 // parent. A change re-eliminates only the cliques between the changed elements and the root, in a new order; all
-// subtrees below are kept and enter with what they had handed on. This is the Bayes tree of iSAM2 (Kaess et al., IJRR
+// subtrees below are kept and enter with what they had handed on. Of a large clique where a change enters late, the
+// columns before it are kept too, as a clique of their own. This is the Bayes tree of iSAM2 (Kaess et al., IJRR
 // 2012) as a multifrontal factorisation (Duff and Reid 1983).
 //
 // Variables have `block` unknowns each; an element is a dense symmetric matrix over a few variables with `sides` right
@@ -88,6 +89,7 @@ class SparseElimination {
 
   struct Variable {
     int clique = -1;
+    int position = 0;  // among those eliminated there
     int elements = 0;  // that take part
     bool fresh = false;
   };
@@ -101,6 +103,7 @@ class SparseElimination {
   struct Clique {
     std::vector<int> variables;  // eliminated here, then those that follow above
     int eliminated = 0;
+    int unchanged = 0;  // of a marked one: so many of its first variables come before all that has changed
     int parent = -1;
     std::vector<int> children, elements;
     Storage panel, handed_on;
@@ -112,7 +115,16 @@ class SparseElimination {
 
   static Storage allocate(std::size_t size);
   int rows_of(const Clique& c) const { return static_cast<int>(c.variables.size()) * block_ + sides_; }
-  double mark_path(int clique);
+  double mark_path(int clique, int position);
+  int first_in(int clique, std::span<const int> variables) const;
+  double work_of_split(const Clique& c) const;
+  bool is_worth_splitting(const Clique& c) const;
+  double marked_work_of(const Clique& c) const;
+  void split(int clique, std::vector<int>* variables, std::vector<int>* elements, std::vector<int>* orphans);
+  void release(Clique* c, int first, std::vector<int>* variables);
+  void release(int element, std::vector<int>* elements);
+  void add_tail(const double* values, int stride, std::span<const int> variables, int first_row, Clique* c) const;
+  double work_of(const Clique& c) const;
   void take_apart(std::vector<int>* variables, std::vector<int>* elements, std::vector<int>* orphans);
   std::vector<int> find_order(const std::vector<int>& variables, const std::vector<int>& elements,
                               const std::vector<int>& orphans, std::span<const int> late);

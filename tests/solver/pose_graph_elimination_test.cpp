@@ -192,6 +192,83 @@ TEST(SparseElimination, FollowsADenseSystemThroughAnyChange) {
   }
 }
 
+// Everybody knows everybody, so there is one large clique; what is appended to its end leaves the rest of it as it is.
+TEST(SparseElimination, KeepsTheColumnsBeforeWhatIsAppended) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  constexpr int kBlock = 3, kFirst = 24, kAppended = 24;
+  SparseElimination tree(kBlock);
+  const auto fill = [&](int element) {
+    auto values = tree.element(element);
+    const auto m = values.cols();
+    Eigen::MatrixXd J(m + 1, m);
+    for (Eigen::Index i = 0; i < J.size(); ++i) J.data()[i] = normal(random);
+    values.topRows(m) = J.transpose() * J + 0.1 * Eigen::MatrixXd::Identity(m, m);
+    for (Eigen::Index i = 0; i < m; ++i) values(m, i) = normal(random);
+  };
+  const auto add = [&](std::initializer_list<int> variables) {
+    const int element = tree.add_element(std::vector<int>(variables));
+    fill(element);
+    return element;
+  };
+  for (int i = 0; i < kFirst; ++i) tree.add_variable();
+  for (int i = 0; i < kFirst; ++i)
+    for (int j = 0; j < i; ++j) add({i, j});
+  const int last_of_first[1] = {kFirst - 1};
+  tree.update(last_of_first);
+  std::vector<int> changed;
+  tree.solve(0, &changed);
+  int kept = 0;
+  for (int k = 0; k < kAppended; ++k) {
+    const int fresh = tree.add_variable(), before = fresh - 1;
+    const int late[2] = {before, fresh};
+    add({before, fresh});
+    if (k % 6 == 4) {  // a loop: from somewhere in the middle on
+      add({fresh, 5 + k % 11});
+    } else if (k % 6 == 2) {  // what was appended before changes, or goes
+      tree.set_active(tree.elements() - 2, k % 12 == 2);
+      const int element = tree.elements() - 1;
+      tree.change(element);
+      fill(element);
+    }
+    const auto outcome = tree.update(late);
+    if (k % 6 < 2) {
+      EXPECT_LT(outcome.variables, 12) << k;
+      kept += outcome.variables < 12;
+    }
+    tree.solve(k % 2 == 0 ? 0 : 1e-13, &changed);
+    const int n = tree.variables() * kBlock;
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, n);
+    Eigen::VectorXd g = Eigen::VectorXd::Zero(n);
+    for (int e = 0; e < tree.elements(); ++e) {
+      if (!tree.active(e)) continue;
+      const auto set = tree.element_variables(e);
+      const auto values = tree.element(e);
+      for (std::size_t i = 0; i < set.size(); ++i) {
+        const auto row = static_cast<Eigen::Index>(i) * kBlock;
+        g.segment(set[i] * kBlock, kBlock) += values.block(values.cols(), row, 1, kBlock).transpose();
+        for (std::size_t j = 0; j < set.size(); ++j)
+          H.block(set[i] * kBlock, set[j] * kBlock, kBlock, kBlock) +=
+              values.block(row, static_cast<Eigen::Index>(j) * kBlock, kBlock, kBlock);
+      }
+    }
+    const Eigen::MatrixXd inverse = H.llt().solve(Eigen::MatrixXd::Identity(n, n));
+    const Eigen::VectorXd x = -inverse * g;
+    for (int v = 0; v < tree.variables(); ++v)
+      ASSERT_LT((tree.solution(v) - x.segment(v * kBlock, kBlock)).cwiseAbs().maxCoeff(),
+                1e-9 * (1 + x.cwiseAbs().maxCoeff()))
+          << k << ' ' << v;
+    const int both[2] = {3, fresh};
+    ASSERT_LT((tree.inverse_block(both).topRightCorner(kBlock, kBlock) -
+               inverse.block(3 * kBlock, fresh * kBlock, kBlock, kBlock))
+                  .cwiseAbs()
+                  .maxCoeff(),
+              1e-9 * (1 + inverse.cwiseAbs().maxCoeff()));
+  }
+  EXPECT_EQ(kept, 8);
+  EXPECT_EQ(tree.refactor().lost, 0);
+}
+
 TEST(IncrementalGauge, HoldsTheFewestPoses) {
   IncrementalGauge gauge;
   for (int i = 0; i < 8; ++i) gauge.add_pose();
