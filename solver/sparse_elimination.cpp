@@ -13,8 +13,8 @@ namespace {
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-constexpr int kLeastKept = 8;           // variables of a clique that stay when it is split
-constexpr double kLargestSplit = 0.25;  // what a split may cost, of what it costs to eliminate the clique anew
+constexpr int kLeastKept = 32;          // variables of a clique that stay when it is split
+constexpr double kLargestSplit = 0.02;  // what a split may cost, of what it costs to eliminate the clique anew
 
 constexpr std::size_t kChunk = std::size_t{1} << 16;  // doubles of elements' values allocated at a time
 

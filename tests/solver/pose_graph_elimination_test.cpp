@@ -196,7 +196,7 @@ TEST(SparseElimination, FollowsADenseSystemThroughAnyChange) {
 TEST(SparseElimination, KeepsTheColumnsBeforeWhatIsAppended) {
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
-  constexpr int kBlock = 3, kFirst = 24, kAppended = 24;
+  constexpr int kBlock = 3, kFirst = 48, kAppended = 24;
   SparseElimination tree(kBlock);
   const auto fill = [&](int element) {
     auto values = tree.element(element);
