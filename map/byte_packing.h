@@ -9,6 +9,8 @@
 #include <span>
 #include <vector>
 
+#include "core/se3.h"
+
 namespace parallax {
 
 static_assert(std::endian::native == std::endian::little, "map files and session databases are little-endian");
@@ -53,5 +55,19 @@ class ByteReader {
  private:
   std::span<const std::byte> bytes_;
 };
+
+inline std::vector<std::byte> pack(const RigidTransform& transform) {  // R row by row, t: 12 doubles
+  std::vector<std::byte> out;
+  append_rows(transform.R, &out);
+  append_rows(transform.t, &out);
+  return out;
+}
+inline std::vector<std::byte> pack(const SimilarityTransform& transform) {  // s, R, t: 13 doubles
+  std::vector<std::byte> out;
+  append(transform.s, &out);
+  append_rows(transform.R, &out);
+  append_rows(transform.t, &out);
+  return out;
+}
 
 }  // namespace parallax

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "map/byte_packing.h"
-
 namespace parallax::map_file {
 namespace {
 
@@ -34,21 +32,6 @@ constexpr std::size_t kMeasurementBytes = 32;
 }  // namespace
 
 std::span<const char* const> migrations() { return kMigrations; }
-
-std::vector<std::byte> pack(const RigidTransform& transform) {
-  std::vector<std::byte> out;
-  append_rows(transform.R, &out);
-  append_rows(transform.t, &out);
-  return out;
-}
-
-std::vector<std::byte> pack(const SimilarityTransform& transform) {
-  std::vector<std::byte> out;
-  append(transform.s, &out);
-  append_rows(transform.R, &out);
-  append_rows(transform.t, &out);
-  return out;
-}
 
 std::vector<std::byte> pack(const Eigen::Matrix3d& matrix) {
   std::vector<std::byte> out;

@@ -8,6 +8,7 @@
 
 #include "core/fast.h"
 #include "core/se3.h"
+#include "map/byte_packing.h"
 #include "map/entities.h"
 
 namespace parallax::map_file {
@@ -21,9 +22,8 @@ std::span<const char* const> migrations();
 inline constexpr const char* kTables[] = {"meta", "keyframe", "image", "point", "plane", "content", "game"};
 
 // Little-endian, no padding.
-std::vector<std::byte> pack(const RigidTransform& transform);       // R row by row, t: 12 doubles
-std::vector<std::byte> pack(const SimilarityTransform& transform);  // s, R, t: 13 doubles
-std::vector<std::byte> pack(const Eigen::Matrix3d& matrix);         // row by row
+using parallax::pack;                                        // transforms
+std::vector<std::byte> pack(const Eigen::Matrix3d& matrix);  // row by row
 std::vector<std::byte> pack(const Eigen::Vector3d& vector);
 std::vector<std::byte> pack(const std::vector<Measurement>& measurements);  // 32 bytes each
 std::vector<std::byte> pack(const std::vector<KeyframeId>& ids);            // 4 bytes each

@@ -4,8 +4,6 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
-#include "map/byte_packing.h"
-
 namespace parallax::session_file {
 namespace {
 
@@ -111,21 +109,6 @@ bool is_covariance(const Matrix6d& matrix, bool definite) {
 
 bool are_scores(const Encounter& e) {
   return std::isfinite(e.bow) && !std::isinf(e.crf_near) && !std::isinf(e.crf_far);
-}
-
-std::vector<std::byte> pack(const RigidTransform& transform) {
-  std::vector<std::byte> out;
-  append_rows(transform.R, &out);
-  append_rows(transform.t, &out);
-  return out;
-}
-
-std::vector<std::byte> pack(const SimilarityTransform& transform) {
-  std::vector<std::byte> out;
-  append(transform.s, &out);
-  append_rows(transform.R, &out);
-  append_rows(transform.t, &out);
-  return out;
 }
 
 std::vector<std::byte> pack(const Matrix6d& matrix) {

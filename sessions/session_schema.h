@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "map/byte_packing.h"
 #include "sessions/session_types.h"
 
 namespace parallax::session_file {
@@ -48,10 +49,9 @@ bool is_covariance(const Matrix6d& matrix, bool definite);
 bool are_scores(const Encounter& encounter);
 
 // Little-endian, no padding.
-std::vector<std::byte> pack(const RigidTransform& transform);       // R row by row, t: 12 doubles
-std::vector<std::byte> pack(const SimilarityTransform& transform);  // s, R, t: 13 doubles
-std::vector<std::byte> pack(const Matrix6d& matrix);                // row by row: 36 doubles
-std::vector<std::byte> pack(const StereoCamera& camera);            // 2 int32, 5 doubles
+using parallax::pack;                                          // transforms
+std::vector<std::byte> pack(const Matrix6d& matrix);           // row by row: 36 doubles
+std::vector<std::byte> pack(const StereoCamera& camera);       // 2 int32, 5 doubles
 std::vector<std::byte> pack(const SessionFeatures& features);  // each x, y, right x (float), level (uint8), 4 uint64
 std::vector<std::byte> pack(const std::vector<SessionPoint>& points);  // keyframe (int32), 3 floats, poses (int32)
 std::vector<std::byte> pack_scores(const Encounter& encounter);        // 3 doubles

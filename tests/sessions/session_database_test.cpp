@@ -1,10 +1,7 @@
 #include "sessions/session_database.h"
 
 #include <gtest/gtest.h>
-#include <signal.h>
 #include <sqlite3.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <bit>
 #include <filesystem>
@@ -12,8 +9,6 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "sessions/session_optimiser.h"
-#include "tests/map/unreliable_disk.h"
 #include "tests/sessions/fabricated_sessions.h"
 #include "tests/support/memory_folder.h"
 
@@ -22,7 +17,6 @@ namespace {
 
 using test::fabricated_start;
 using test::SessionFabricator;
-using test::UnreliableDisk;
 using testing::MemoryFolder;
 
 void database_sql(const std::string& path, const std::string& sql) {
@@ -577,215 +571,6 @@ TEST(SessionDatabase, NoDamagedByteGivesAnotherDocument) {
   }
   EXPECT_GT(named, 30);
   EXPECT_GT(unharmed, 10) << "images, and space that is not used";
-}
-
-// Puts what is on the disk into a folder and reads it there.
-SessionDocument sessions_on(const UnreliableDisk& disk, const MemoryFolder& folder) {
-  for (const char* name : {"db", "db-journal", "db-wal"}) {
-    const auto bytes = disk.bytes(name);
-    std::filesystem::remove(folder.file(name));
-    if (!bytes.empty()) folder.write(name, std::string(bytes.begin(), bytes.end()));
-  }
-  const std::vector<std::string> problems = verify_session_database(folder.file("db"));
-  EXPECT_TRUE(problems.empty()) << problems.front();
-  return SessionDatabase(folder.file("db"), SqliteMode::read).read();
-}
-
-TEST(SessionDatabase, AFullDiskLeavesWhatWasSaved) {
-  const MemoryFolder folder;
-  SessionFabricator make(2);
-  const SessionBatch first = make.batch(1, 4);
-  SessionBatch second;
-  second.session = 1;
-  second.keyframes = {make.keyframe(4), make.keyframe(5)};
-  second.windows = {make.window(3, 5)};
-  int failures = 0;
-  for (int after = 1;; after += 2) {
-    ASSERT_LT(after, 1000);
-    UnreliableDisk disk;
-    SessionDatabase database("db", SqliteMode::write, "test", disk.name());
-    database.begin_session(fabricated_start("a"));
-    database.save(first);
-    disk.full_from(disk.operations() + after);
-    try {
-      database.save(second);
-      EXPECT_EQ(sessions_on(disk, folder).poses.size(), 6U);
-      break;
-    } catch (const RunError& e) {
-      EXPECT_NE(std::string(e.what()).find("full"), std::string::npos) << e.what();
-    }
-    ++failures;
-    disk.full_from(-1);
-    EXPECT_EQ(database.read().poses.size(), 4U) << "full after " << after;
-    // Whoever comes after a crash finds one of the two states, and not the parts of one.
-    const SessionDocument found = sessions_on(disk, folder);
-    EXPECT_EQ(found.constraints.size(), found.poses.size() - 1);
-    EXPECT_TRUE(found.poses.size() == 4 || found.poses.size() == 6) << found.poses.size();
-    database.save(second);  // there is room again
-    EXPECT_EQ(sessions_on(disk, folder).poses.size(), 6U);
-  }
-  EXPECT_GT(failures, 10);
-}
-
-TEST(SessionDatabase, LossOfPowerLeavesOneOfTheTwoStates) {
-  const MemoryFolder folder;
-  SessionFabricator make(2);
-  const SessionBatch first = make.batch(1, 4);
-  SessionBatch second;
-  second.session = 1;
-  second.keyframes = {make.keyframe(4), make.keyframe(5)};
-  second.windows = {make.window(3, 5)};
-  std::mt19937_64 rng(11);
-  int firsts = 0, seconds = 0;
-  bool saved_whole = false;
-  for (int after = 1; !saved_whole; ++after) {
-    ASSERT_LT(after, 1000);
-    for (int way = 0; way < 2; ++way) {
-      UnreliableDisk disk;
-      {
-        SessionDatabase database("db", SqliteMode::write, "test", disk.name());
-        database.begin_session(fabricated_start("a"));
-        database.save(first);
-        disk.power_lost_at(disk.operations() + after);
-        try {
-          database.save(second);
-          saved_whole = true;
-        } catch (const RunError&) {
-        }
-      }
-      disk.restore_power(&rng);
-      const SessionDocument found = sessions_on(disk, folder);
-      if (saved_whole) {
-        EXPECT_EQ(found.poses.size(), 6U) << "a save that returned is durable";
-      }
-      EXPECT_TRUE(found.poses.size() == 4 || found.poses.size() == 6) << found.poses.size();
-      EXPECT_EQ(found.constraints.size(), found.poses.size() - 1);
-      ++(found.poses.size() == 4 ? firsts : seconds);
-    }
-  }
-  EXPECT_GT(firsts, 10);
-  EXPECT_GT(seconds, 0);
-}
-
-// An encounter is switched off together with the estimates that follow from it, or neither is.
-TEST(SessionDatabase, LossOfPowerLeavesEncountersWithTheirEstimates) {
-  const MemoryFolder folder;
-  const auto along = [](double metres) { return RigidTransform(Eigen::Matrix3d::Identity(), {metres, 0, 0}); };
-  // Two walks along a line, which met at one place, or 0.3 m from it: they agree on the middle.
-  const auto fill = [&](SessionDatabase* database) {
-    SessionFabricator make(14);
-    for (const char* name : {"monday", "tuesday"}) {
-      SessionState state = database->begin_session(fabricated_start(name));
-      SessionBatch batch = make.batch(state.id, 3, false);
-      for (auto& added : batch.keyframes) added.keyframe.session_from_camera = along(0.1 * added.keyframe.index);
-      for (StereoConstraint& c : batch.windows[0].constraints) {
-        c.from_from_to = along(0.1);
-        c.covariance = 1e-6 * Matrix6d::Identity();
-      }
-      if (state.id == 2) {
-        for (const double metres : {0.0, 0.3}) {
-          batch.encounters.push_back(make.encounter(metres > 0 ? 2 : 1, {1, 1}, {2, 1}, EncounterState::active));
-          batch.encounters.back().found_from_query = along(metres);
-          batch.encounters.back().covariance = 0.09 * Matrix6d::Identity();
-        }
-        state.component = 1;
-        batch.states = {state};
-      }
-      database->save(batch);
-    }
-    reoptimise_sessions(database);
-  };
-  std::mt19937_64 rng(17);
-  int before = 0, after = 0;
-  bool saved_whole = false;
-  for (int operation = 1; !saved_whole; ++operation) {
-    ASSERT_LT(operation, 1000);
-    for (int way = 0; way < 2; ++way) {
-      UnreliableDisk disk;
-      {
-        SessionDatabase database("db", SqliteMode::write, "test", disk.name());
-        fill(&database);
-        Encounter wrong = database.read().encounters[1];
-        wrong.state = EncounterState::off;
-        disk.power_lost_at(disk.operations() + operation);
-        try {
-          reoptimise_sessions(&database, {wrong});
-          saved_whole = true;
-        } catch (const RunError&) {
-        }
-      }
-      disk.restore_power(&rng);
-      const SessionDocument found = sessions_on(disk, folder);
-      const bool off = found.encounters[1].state == EncounterState::off;
-      EXPECT_NEAR(found.sessions[1].global_from_session.t.x(), off ? 0 : 0.15, 1e-3) << "at operation " << operation;
-      ++(off ? after : before);
-    }
-  }
-  EXPECT_GT(before, 3);
-  EXPECT_GT(after, 0);
-}
-
-// A process that does nothing but save is killed at 200 moments: what it said was saved is there, and nothing half.
-// Every tenth time it is killed after a save and before its word of it, where by chance it is hardly ever met.
-TEST(SessionDatabase, AKillAtAnyMomentLosesNothingThatWasSaved) {
-  // A kill loses nothing of what was written, in memory or on a disk; more saves fit between two.
-  const MemoryFolder folder;
-  const std::string path = folder.file("sessions.plx");
-  SessionFabricator make(12);
-  const int session = SessionDatabase(path, SqliteMode::write).begin_session(fabricated_start("a")).id;
-  int last = -1;  // the last keyframe that was said to be saved
-  std::mt19937_64 rng(3);
-  int untold = 0;
-  for (int kill_number = 0; kill_number < 200; ++kill_number) {
-    const bool before_its_word = kill_number % 10 == 9;
-    int channel[2];
-    ASSERT_EQ(pipe(channel), 0);
-    const pid_t child = fork();
-    ASSERT_GE(child, 0);
-    if (child == 0) {
-      close(channel[0]);
-      try {
-        SessionDatabase database(path, SqliteMode::write);
-        for (int index = last + 1;; ++index) {
-          SessionBatch batch;
-          batch.session = session;
-          batch.keyframes = {make.keyframe(index)};
-          if (index > 0) batch.windows = {make.window(index - 1, index)};
-          database.save(batch);
-          if (before_its_word && index == last + 3) raise(SIGSTOP);
-          if (write(channel[1], &index, sizeof index) != sizeof index) _exit(1);
-        }
-      } catch (...) {
-        _exit(2);
-      }
-    }
-    close(channel[1]);
-    int index = 0;
-    if (read(channel[0], &index, sizeof index) == sizeof index) last = index;
-    int status = 0;
-    if (before_its_word) {
-      ASSERT_EQ(waitpid(child, &status, WUNTRACED), child);
-      ASSERT_TRUE(WIFSTOPPED(status)) << "it ended by itself: " << WEXITSTATUS(status);
-    } else {
-      usleep(static_cast<useconds_t>(rng() % 6000));
-    }
-    kill(child, SIGKILL);
-    waitpid(child, &status, 0);
-    ASSERT_TRUE(WIFSIGNALED(status)) << "it ended by itself: " << WEXITSTATUS(status);
-    while (read(channel[0], &index, sizeof index) == sizeof index) last = index;
-    close(channel[0]);
-    SessionDatabase reader(path, SqliteMode::read);
-    const SessionDocument found = reader.read();
-    const int found_last = static_cast<int>(found.poses.size()) - 1;
-    EXPECT_GE(found_last, last);
-    EXPECT_LE(found_last, last + 1);
-    EXPECT_EQ(found.constraints.size(), static_cast<std::size_t>(std::max(found_last, 0)));
-    untold += found_last > last ? 1 : 0;
-    last = found_last;
-  }
-  EXPECT_GT(last, 250) << "saves between the kills";
-  EXPECT_GE(untold, 20) << "kills between a save and its word";
-  EXPECT_TRUE(verify_session_database(path).empty());
 }
 
 }  // namespace
