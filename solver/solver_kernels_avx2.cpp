@@ -6,24 +6,11 @@
 #include "solver/solver_kernels.h"
 
 #if PARALLAX_X86
-#include <immintrin.h>
-
-#if defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx2,fma"))), apply_to = function)
-#else
-#pragma GCC push_options
-#pragma GCC target("avx2,fma")
-#endif
-
-#define PARALLAX_LANES 4
-
+// clang-format off
+#include "solver/begin_avx2.inl"
 namespace parallax::solver::avx2 {
 #include "solver/all_kernels.inl"
 }  // namespace parallax::solver::avx2
-
-#if defined(__clang__)
-#pragma clang attribute pop
-#else
-#pragma GCC pop_options
-#endif
+#include "solver/end_simd.inl"
+// clang-format on
 #endif  // PARALLAX_X86

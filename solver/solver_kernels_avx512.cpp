@@ -6,30 +6,11 @@
 #include "solver/solver_kernels.h"
 
 #if PARALLAX_X86
-#include <immintrin.h>
-
-#if !defined(__clang__)
-// GCC 12 warns of the undefined pass-through operands in its own intrinsics.
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-#pragma GCC diagnostic ignored "-Wuninitialized"
-#endif
-
-#if defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx2,fma,avx512f,avx512dq,avx512vl"))), apply_to = function)
-#else
-#pragma GCC push_options
-#pragma GCC target("avx2,fma,avx512f,avx512dq,avx512vl")
-#endif
-
-#define PARALLAX_LANES 8
-
+// clang-format off
+#include "solver/begin_avx512.inl"
 namespace parallax::solver::avx512 {
 #include "solver/all_kernels.inl"
 }  // namespace parallax::solver::avx512
-
-#if defined(__clang__)
-#pragma clang attribute pop
-#else
-#pragma GCC pop_options
-#endif
+#include "solver/end_simd.inl"
+// clang-format on
 #endif  // PARALLAX_X86
