@@ -2,86 +2,16 @@
 
 #include <cmath>
 #include <filesystem>
-#include <iomanip>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <sstream>
 
-#include "app/base64.h"
+#include "app/svg_sheet.h"
 #include "core/error.h"
 #include "core/file_io.h"
 
 namespace parallax {
 namespace {
-
-std::vector<unsigned char> png_bytes(const cv::Mat& image, const std::string& name) {
-  std::vector<unsigned char> bytes;
-  if (!cv::imencode(".png", image, bytes)) throw RunError(name + ": cannot be encoded as PNG");
-  return bytes;
-}
-
-class SvgCanvas : public Canvas {
- public:
-  SvgCanvas(int width, int height) {
-    out_ << "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"" << width << "\" height=\"" << height
-         << "\" viewBox=\"0 0 " << width << " " << height << "\" font-family=\"sans-serif\">\n"
-         << "<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
-         << std::fixed << std::setprecision(2);
-  }
-
-  void polyline(const std::vector<CanvasPoint>& points, CanvasColour colour, double width_px) override {
-    if (points.size() < 2) return;
-    out_ << "<polyline fill=\"none\" stroke=\"" << name(colour) << "\" stroke-width=\"" << width_px
-         << "\" stroke-linejoin=\"round\" points=\"";
-    for (const auto& p : points) out_ << p.x << ',' << p.y << ' ';
-    out_ << "\"/>\n";
-  }
-
-  void text(CanvasPoint at, const std::string& text, double size_px, TextAnchor anchor, CanvasColour colour) override {
-    const char* anchors[] = {"start", "middle", "end"};
-    out_ << "<text x=\"" << at.x << "\" y=\"" << at.y << "\" font-size=\"" << size_px << "\" fill=\"" << name(colour)
-         << "\" text-anchor=\"" << anchors[static_cast<int>(anchor)] << "\">" << escaped(text) << "</text>\n";
-  }
-
-  void image(CanvasPoint top_left, const cv::Mat3b& picture) override {
-    if (picture.empty()) return;
-    out_ << "<image x=\"" << top_left.x << "\" y=\"" << top_left.y << "\" width=\"" << picture.cols << "\" height=\""
-         << picture.rows << "\" href=\"data:image/png;base64," << to_base64(png_bytes(picture, "the plot's picture"))
-         << "\"/>\n";
-  }
-
-  void save(const std::string& path) const override {
-    write_file_atomically(path, [&](std::ostream& file) { file << out_.str() << "</svg>\n"; });
-  }
-
- private:
-  static std::string name(CanvasColour c) {
-    return "rgb(" + std::to_string(c.red) + "," + std::to_string(c.green) + "," + std::to_string(c.blue) + ")";
-  }
-
-  static std::string escaped(const std::string& text) {
-    std::string out;
-    for (const char c : text) {
-      switch (c) {
-        case '&':
-          out += "&amp;";
-          break;
-        case '<':
-          out += "&lt;";
-          break;
-        case '>':
-          out += "&gt;";
-          break;
-        default:
-          out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-      }
-    }
-    return out;
-  }
-
-  std::ostringstream out_;
-};
 
 class PngCanvas : public Canvas {
  public:
@@ -133,6 +63,12 @@ std::string extension(const std::string& path) { return std::filesystem::path(pa
 
 }  // namespace
 
+std::vector<unsigned char> png_bytes(const cv::Mat& image, const std::string& name) {
+  std::vector<unsigned char> bytes;
+  if (!cv::imencode(".png", image, bytes)) throw RunError(name + ": cannot be encoded as PNG");
+  return bytes;
+}
+
 void check_canvas_path(const std::string& path) {
   if (extension(path) == ".svg" || extension(path) == ".png") return;
   throw InputError(path + ": a plot is written as .svg or .png, found '" + extension(path) + "'");
@@ -140,7 +76,7 @@ void check_canvas_path(const std::string& path) {
 
 std::unique_ptr<Canvas> make_canvas(const std::string& path, int width_px, int height_px) {
   check_canvas_path(path);
-  if (extension(path) == ".svg") return std::make_unique<SvgCanvas>(width_px, height_px);
+  if (extension(path) == ".svg") return std::make_unique<SvgSheet>(width_px, height_px, SvgWidth::fixed);
   return std::make_unique<PngCanvas>(width_px, height_px);
 }
 

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <map>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "app/way_heights.h"
 #include "core/error.h"
 
 namespace parallax {
@@ -19,10 +19,9 @@ using Eigen::Vector3d;
 
 constexpr int kMapMarginPx = 56, kTitlePx = 40;
 constexpr double kLabelPx = 13, kTitleTextPx = 18;
-constexpr double kFade = 0.55;      // how much of a floor plan's ink is taken away
-constexpr double kStray = 0.002;    // share of the points at each end that does not widen the picture
-constexpr double kPointM = 0.03;    // side of a point on paper
-constexpr double kHeightCellM = 1;  // over which the way's height is taken to be one
+constexpr double kFade = 0.55;    // how much of a floor plan's ink is taken away
+constexpr double kStray = 0.002;  // share of the points at each end that does not widen the picture
+constexpr double kPointM = 0.03;  // side of a point on paper
 constexpr CanvasColour kMapInk{40, 40, 40}, kMapGridInk{205, 205, 205};
 
 struct MapBox {
@@ -31,34 +30,6 @@ struct MapBox {
     low = low.cwiseMin(p);
     high = high.cwiseMax(p);
   }
-};
-
-// The height of the nearest place of a way.
-class PathHeights {
- public:
-  explicit PathHeights(const std::vector<std::vector<Vector3d>>& paths) : paths_(paths) {}
-
-  double at(const Vector3d& place) {
-    const std::pair<long, long> cell(std::lround(place.x() / kHeightCellM), std::lround(place.y() / kHeightCellM));
-    const auto [found, fresh] = cells_.try_emplace(cell, std::numeric_limits<double>::infinity());
-    if (!fresh) return found->second;
-    const Vector2d middle(static_cast<double>(cell.first) * kHeightCellM,
-                          static_cast<double>(cell.second) * kHeightCellM);
-    double nearest = std::numeric_limits<double>::max();
-    for (const auto& path : paths_) {
-      for (const Vector3d& p : path) {
-        const double distance = (p.head<2>() - middle).squaredNorm();
-        if (distance >= nearest) continue;
-        nearest = distance;
-        found->second = p.z();
-      }
-    }
-    return found->second;
-  }
-
- private:
-  const std::vector<std::vector<Vector3d>>& paths_;
-  std::map<std::pair<long, long>, double> cells_;
 };
 
 class MapSheet {
@@ -218,7 +189,7 @@ void draw_map_picture(const std::vector<ColouredPoint>& points, const std::vecto
   }
   std::vector<Vector3d> places;
   std::vector<ColouredPoint> shown;
-  PathHeights heights(ways);
+  WayHeights heights(ways);
   for (const ColouredPoint& point : points) {
     const Vector3d place = upright * point.position.cast<double>();
     if (!place.allFinite() || (above && place.z() > heights.at(place) + options.most_above_path_m)) continue;

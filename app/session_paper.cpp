@@ -4,9 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <opencv2/imgproc.hpp>
 #include <utility>
+
+#include "app/way_heights.h"
 
 namespace parallax {
 namespace {
@@ -17,36 +18,6 @@ using Eigen::Vector3d;
 constexpr double kPlanFade = 0.55;      // of a floor plan's ink that is taken away
 constexpr double kStrayPoints = 0.002;  // share of the points at each end that does not widen the plot
 constexpr double kPaperPointM = 0.03;   // side of a point on paper
-constexpr double kWayCellM = 1;         // over which a way's height is taken to be one
-
-// How high the ways are, by cells of the plan.
-class WayHeights {
- public:
-  WayHeights(const SessionScene& scene, const Projection& projection) : scene_(scene), projection_(projection) {}
-
-  // Of the pose nearest to the place's cell; upright.
-  double at(const Vector3d& place) {
-    const std::pair<long, long> cell(std::lround(place.x() / kWayCellM), std::lround(place.y() / kWayCellM));
-    const auto [found, fresh] = heights_.try_emplace(cell, std::numeric_limits<double>::infinity());
-    if (!fresh) return found->second;
-    const Vector2d middle(static_cast<double>(cell.first) * kWayCellM, static_cast<double>(cell.second) * kWayCellM);
-    double nearest = std::numeric_limits<double>::max();
-    for (const SceneSession& session : scene_.sessions)
-      for (const ScenePose& pose : session.poses) {
-        const Vector3d p = projection_.upright * pose.global_from_camera.t;
-        const double distance = (p.head<2>() - middle).squaredNorm();
-        if (distance >= nearest) continue;
-        nearest = distance;
-        found->second = p.z();
-      }
-    return found->second;
-  }
-
- private:
-  const SessionScene& scene_;
-  const Projection& projection_;
-  std::map<std::pair<long, long>, double> heights_;
-};
 
 void lay_plan(const FloorPlan& plan, const PlotSection& section, cv::Mat3b* paper) {
   cv::Mat3b faded;
@@ -96,7 +67,12 @@ void lay_points(const std::vector<PaperPoint>& points, const SessionPictureOptio
 std::vector<PaperPoint> choose_paper_points(const SessionScene& scene, const SessionPictureOptions& options,
                                             const Projection& projection) {
   std::vector<PaperPoint> out;
-  WayHeights way_heights(scene, projection);
+  std::vector<std::vector<Vector3d>> ways;
+  for (const SceneSession& session : scene.sessions) {
+    ways.emplace_back();
+    for (const ScenePose& pose : session.poses) ways.back().push_back(projection.upright * pose.global_from_camera.t);
+  }
+  WayHeights way_heights(ways);
   for (const SceneSession& session : scene.sessions) {
     for (const ColouredPoint& point : session.points) {
       const Vector3d place = projection.upright * point.position.cast<double>();

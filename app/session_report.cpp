@@ -119,7 +119,7 @@ std::string map_element(const SessionScene& scene, const SessionPictureOptions& 
                         const std::string& id) {
   std::unique_ptr<SvgSheet> sheet;
   draw_sessions(scene, options, [&](int width, int height) {
-    sheet = std::make_unique<SvgSheet>(width, height, label, " data-map=\"" + id + "\"");
+    sheet = std::make_unique<SvgSheet>(width, height, SvgWidth::of_page, label, " data-map=\"" + id + "\"");
     return sheet.get();
   });
   return sheet->element();

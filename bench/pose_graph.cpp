@@ -166,6 +166,7 @@ std::string growth_plot(const std::vector<double>& ms) {
     if ((i + 1) % kMean == 0) mean.points.push_back({static_cast<double>(i + 1), sum / kMean});
   }
   PlotAxes axes;
+  axes.width = SvgWidth::fixed;
   axes.id = "growth";
   axes.title = "pose graph, processor time an update";
   axes.x_label = "poses";

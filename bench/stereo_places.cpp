@@ -301,15 +301,10 @@ double worse_of(double near, double far) {
 // Plots of one run, one below the other.
 class PlotPage {
  public:
-  void add(const std::vector<PlotSeries>& series, const PlotAxes& axes) {
-    std::string element = plot_element(series, axes);
-    const std::size_t begin = element.find("style=\""), end = element.find('"', begin + 7);
-    if (end == std::string::npos) return;
-    // An element within an element has its place on the page, not the page's width.
-    element.replace(begin, end + 1 - begin,
-                    "x=\"0\" y=\"" + std::to_string(height_px_) + "\" width=\"" + std::to_string(axes.width_px) +
-                        "\" height=\"" + std::to_string(axes.height_px) + "\"");
-    body_ += element;
+  void add(const std::vector<PlotSeries>& series, PlotAxes axes) {
+    axes.width = SvgWidth::fixed;
+    body_ +=
+        "<g transform=\"translate(0," + std::to_string(height_px_) + ")\">\n" + plot_element(series, axes) + "</g>\n";
     width_px_ = std::max(width_px_, axes.width_px);
     height_px_ += axes.height_px;
   }
