@@ -28,7 +28,7 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_CXX_COMPILER_VERSION VERSION_LES
   # GCC 12 sees overlaps in std::string's operator+ that are not there (GCC bug 105651).
   target_compile_options(parallax_settings INTERFACE -Wno-restrict)
 endif()
-if(CMAKE_UNITY_BUILD)
+if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
   # Sources joined into one look like headers to this warning.
   target_compile_options(parallax_settings INTERFACE -Wno-subobject-linkage)
 endif()
@@ -47,7 +47,7 @@ if(PARALLAX_WARNINGS_AS_ERRORS)
 endif()
 
 # Headers of packages that most sources include, compiled once: a fifth of the time of a library's source, half of a
-# test's. Off, every source stands on its own includes; the sanitizers' builds see to that.
+# test's. Off, every source stands on its own includes; the `clang` preset sees to that.
 option(PARALLAX_PRECOMPILE "Precompile the headers of packages" OFF)
 if(PARALLAX_PRECOMPILE AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
   # For ccache; and GCC 12 warns of std::string's own copies once they come out of a precompiled header (bug 105651 again).
@@ -62,9 +62,9 @@ set(PARALLAX_PRECOMPILED
   <string> <vector>)
 
 # parallax_precompiled(TARGET FROM): the target uses what FROM compiled. FROM is made at its first use, with further
-# headers and definitions.
+# headers, definitions and options.
 function(parallax_precompiled target from)
-  cmake_parse_arguments(ARG "" "" "HEADERS;DEFINITIONS;LIBS" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "HEADERS;DEFINITIONS;OPTIONS;LIBS" ${ARGN})
   if(NOT PARALLAX_PRECOMPILE)
     return()
   endif()
@@ -82,11 +82,15 @@ function(parallax_precompiled target from)
     target_link_libraries(${from} PRIVATE parallax_settings ${ARG_LIBS})
     target_include_directories(${from} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
     target_compile_definitions(${from} PRIVATE ${ARG_DEFINITIONS})
+    target_compile_options(${from} PRIVATE ${ARG_OPTIONS})
     set_target_properties(${from} PROPERTIES UNITY_BUILD OFF)
     target_precompile_headers(${from} PRIVATE ${PARALLAX_PRECOMPILED} ${ARG_HEADERS})
   endif()
   target_precompile_headers(${target} REUSE_FROM ${from})
 endfunction()
+
+# The folders that read outside bytes: under a fuzzer they count where it has been.
+set(PARALLAX_FUZZED core camera solver map place sessions)
 
 # parallax_library(NAME [PUBLIC lib...] [PRIVATE lib...]): every .cpp in the folder NAME.
 function(parallax_library name)
@@ -104,5 +108,10 @@ function(parallax_library name)
     endif()
   endforeach()
   target_link_libraries(parallax_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE} parallax_settings)
-  parallax_precompiled(parallax_${name} parallax_headers LIBS Eigen3::Eigen opencv_core)
+  if(PARALLAX_BUILD_FUZZERS AND name IN_LIST PARALLAX_FUZZED)
+    target_compile_options(parallax_${name} PRIVATE -fsanitize=fuzzer-no-link)
+    parallax_precompiled(parallax_${name} parallax_fuzzed_headers OPTIONS -fsanitize=fuzzer-no-link LIBS Eigen3::Eigen opencv_core)
+  else()
+    parallax_precompiled(parallax_${name} parallax_headers LIBS Eigen3::Eigen opencv_core)
+  endif()
 endfunction()

@@ -9,7 +9,7 @@
 #include "mapper/five_point.h"
 #include "solver/robust_kernel.h"
 
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__)
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
 #define PARALLAX_SIMD_CLONES __attribute__((target_clones("avx2", "default")))
 #else
 #define PARALLAX_SIMD_CLONES

@@ -20,12 +20,6 @@ ProcessResult eval(std::vector<std::string> arguments) {
   return run_process(PARALLAX_BINARY, arguments);
 }
 
-void expect_one_line_error(const ProcessResult& result, int exit_code, const std::string& part) {
-  EXPECT_EQ(result.exit_code, exit_code) << result.err;
-  EXPECT_EQ(count_lines(result.err), 1) << result.err;
-  EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
-}
-
 struct Published {
   const char* estimate;
   const char* truth;

@@ -16,6 +16,7 @@
 #include "mapper/map_join.h"
 #include "render/synthetic_source.h"
 #include "tests/support/process.h"
+#include "tests/support/statistics.h"
 
 namespace parallax {
 namespace {
@@ -125,11 +126,6 @@ SeenPoints points_in_truth(const Map& map) {
   return out;
 }
 
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
 struct MeetingRun {
   RunResult result;
   std::vector<MapNews> news;
@@ -226,7 +222,7 @@ TEST_F(TwoEndsOfADesk, BecomeOneMapWithoutALostFrame) {
         1e3 * (truth * points.map_to_truth[i].first - points.map_to_truth[i].second).norm());
   for (const int session : {kLeft, kRight}) {
     ASSERT_GT(error_mm[session].size(), 100U) << session;
-    const double middle = median(error_mm[session]);
+    const double middle = testing::median(error_mm[session]);
     EXPECT_LT(middle, 3.0) << session;
     RecordProperty("points_mm_" + std::to_string(session), std::to_string(middle));
   }

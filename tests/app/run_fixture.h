@@ -21,10 +21,8 @@ inline ProcessResult parallax_run(const std::vector<std::string>& arguments) {
 
 // Exactly one line for the user, which begins with the program's name.
 inline void expect_one_line(const ProcessResult& result, int exit_code, const std::string& part) {
-  EXPECT_EQ(result.exit_code, exit_code) << result.err;
-  EXPECT_EQ(count_lines(result.err), 1) << result.err;
+  expect_one_line_error(result, exit_code, part);
   EXPECT_EQ(result.err.rfind("parallax: ", 0), 0u) << result.err;
-  EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
   EXPECT_TRUE(result.out.empty() || exit_code == 1) << result.out;
 }
 

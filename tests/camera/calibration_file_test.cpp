@@ -10,6 +10,7 @@
 
 #include "core/error.h"
 #include "core/file_io.h"
+#include "tests/camera/source_fixture.h"
 
 namespace parallax {
 namespace {
@@ -30,13 +31,6 @@ std::string refusal(const std::string& text, int camera_index = 0, int width = 0
     return error.what();
   }
   return "";
-}
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  if (at != std::string::npos) text.replace(at, from.size(), to);
-  return text;
 }
 
 const std::string kFov =

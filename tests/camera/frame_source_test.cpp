@@ -288,9 +288,9 @@ TEST_F(FrameSourceTest, RefusalsAreOneClearLine) {
       {"none/below", "cannot be read"},
   };
   for (const auto& [name, part] : cases) {
-    testing::internal::CaptureStderr();
-    const std::string line = input_error([&] { open_frame_source(path(name)); });
-    EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << name;
+    ::testing::internal::CaptureStderr();
+    const std::string line = input_error([&, name = name] { open_frame_source(path(name)); });
+    EXPECT_EQ(::testing::internal::GetCapturedStderr(), "") << name;
     EXPECT_TRUE(contains(line, part)) << name << ": " << line;
     EXPECT_TRUE(contains(line, path(name))) << line;
     EXPECT_FALSE(contains(line, "\n")) << line;

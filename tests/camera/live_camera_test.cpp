@@ -9,7 +9,7 @@
 namespace parallax {
 namespace {
 
-std::string refusal(const std::string& source, const LiveCameraOptions& options = {}) {
+std::string live_refusal(const std::string& source, const LiveCameraOptions& options = {}) {
   try {
     open_live_camera(source, options);
   } catch (const InputError& error) {
@@ -19,17 +19,17 @@ std::string refusal(const std::string& source, const LiveCameraOptions& options 
 }
 
 TEST(LiveCamera, RefusesWhatIsNone) {
-  EXPECT_EQ(refusal("desk.mp4"),
+  EXPECT_EQ(live_refusal("desk.mp4"),
             "desk.mp4: is no live camera, expected v4l2:/dev/videoN, v4l2:, libcamera:NAME or libcamera:");
-  EXPECT_NE(refusal("v4l2:/dev/no_such_node").find("no such device"), std::string::npos);
-  EXPECT_NE(refusal("v4l2:/dev/null").find("v4l2:/dev/null: is not a video device"), std::string::npos);
-  EXPECT_NE(refusal("libcamera:no such name").find("libcamera:no such name: "), std::string::npos);
+  EXPECT_NE(live_refusal("v4l2:/dev/no_such_node").find("no such device"), std::string::npos);
+  EXPECT_NE(live_refusal("v4l2:/dev/null").find("v4l2:/dev/null: is not a video device"), std::string::npos);
+  EXPECT_NE(live_refusal("libcamera:no such name").find("libcamera:no such name: "), std::string::npos);
   LiveCameraOptions options;
   options.width = 10;
-  EXPECT_NE(refusal("v4l2:", options).find("camera size: "), std::string::npos);
+  EXPECT_NE(live_refusal("v4l2:", options).find("camera size: "), std::string::npos);
   options = {};
   options.fps = 0;
-  EXPECT_NE(refusal("v4l2:", options).find("camera rate: "), std::string::npos);
+  EXPECT_NE(live_refusal("v4l2:", options).find("camera rate: "), std::string::npos);
 }
 
 TEST(LiveCamera, ListingNeverThrows) {

@@ -56,7 +56,7 @@ RawPicture picture_of(PixelFormat format, int width, int height, std::size_t str
   return picture;
 }
 
-class PackedYuv : public testing::TestWithParam<PixelFormat> {};
+class PackedYuv : public ::testing::TestWithParam<PixelFormat> {};
 
 TEST_P(PackedYuv, IsWhatEveryPixelSays) {
   const bool yuyv = GetParam() == PixelFormat::yuyv;
@@ -80,7 +80,7 @@ TEST_P(PackedYuv, IsWhatEveryPixelSays) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Both, PackedYuv, testing::Values(PixelFormat::yuyv, PixelFormat::uyvy));
+INSTANTIATE_TEST_SUITE_P(Both, PackedYuv, ::testing::Values(PixelFormat::yuyv, PixelFormat::uyvy));
 
 TEST(PixelFormat, Nv12IsWhatEveryPixelSays) {
   for (const bool apart : {false, true}) {

@@ -17,9 +17,9 @@ struct Recording {
   bool calibrated, truth, colour;
 };
 
-class RecordedSource : public testing::TestWithParam<Recording> {};
+class RecordedSourceTest : public ::testing::TestWithParam<Recording> {};
 
-TEST_P(RecordedSource, IsAsTheReadmeSays) {
+TEST_P(RecordedSourceTest, IsAsTheReadmeSays) {
   const Recording& recording = GetParam();
   const fs::path folder = fs::path(PARALLAX_DATA_DIR) / recording.name;
   if (!fs::exists(folder)) GTEST_SKIP() << "no recording at " << folder;
@@ -60,14 +60,14 @@ TEST_P(RecordedSource, IsAsTheReadmeSays) {
   for (const auto& warning : source->take_warnings()) ADD_FAILURE() << warning.text;
 }
 
-INSTANTIATE_TEST_SUITE_P(All, RecordedSource,
-                         testing::Values(Recording{"kitchen", 500, 30, 640, 480, true, true, true},
-                                         Recording{"wide_desk", 300, 30, 752, 480, true, true, false},
-                                         Recording{"desk", 400, 30, 640, 480, true, true, true},
-                                         Recording{"kitti00", 40, 10, 1241, 376, true, true, false},
-                                         Recording{"building_a", 300, 20, 512, 384, true, true, false},
-                                         Recording{"building_b", 150, 20, 512, 384, true, true, false},
-                                         Recording{"loops/corridor", 84, 30, 512, 384, false, false, true}),
+INSTANTIATE_TEST_SUITE_P(All, RecordedSourceTest,
+                         ::testing::Values(Recording{"kitchen", 500, 30, 640, 480, true, true, true},
+                                           Recording{"wide_desk", 300, 30, 752, 480, true, true, false},
+                                           Recording{"desk", 400, 30, 640, 480, true, true, true},
+                                           Recording{"kitti00", 40, 10, 1241, 376, true, true, false},
+                                           Recording{"building_a", 300, 20, 512, 384, true, true, false},
+                                           Recording{"building_b", 150, 20, 512, 384, true, true, false},
+                                           Recording{"loops/corridor", 84, 30, 512, 384, false, false, true}),
                          [](const auto& instance) {
                            std::string name = instance.param.name;
                            std::replace(name.begin(), name.end(), '/', '_');

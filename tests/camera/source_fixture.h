@@ -17,7 +17,15 @@
 
 namespace parallax {
 
-class SourceTest : public testing::Test {
+// The text with its first `from` made `to`.
+inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  if (at != std::string::npos) text.replace(at, from.size(), to);
+  return text;
+}
+
+class SourceTest : public ::testing::Test {
  protected:
   void SetUp() override {
     std::string name = (std::filesystem::temp_directory_path() / "parallax_source_XXXXXX").string();

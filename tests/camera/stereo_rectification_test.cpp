@@ -10,6 +10,7 @@
 
 #include "camera/calibration_file.h"
 #include "core/error.h"
+#include "tests/camera/source_fixture.h"
 
 namespace parallax {
 namespace {
@@ -196,7 +197,7 @@ TEST(StereoRectification, ARectifiedPairIsHandedThrough) {
 }
 
 template <typename Function>
-std::string refusal(const Function& function) {
+std::string rig_refusal(const Function& function) {
   try {
     function();
   } catch (const InputError& error) {
@@ -207,7 +208,7 @@ std::string refusal(const Function& function) {
 }
 
 void expect_refusal(const StereoCalibration& rig, const std::string& text) {
-  const std::string said = refusal([&] { StereoRectifier rectifier(rig, {}, "rig.yaml"); });
+  const std::string said = rig_refusal([&] { StereoRectifier rectifier(rig, {}, "rig.yaml"); });
   EXPECT_NE(said.find("rig.yaml: "), std::string::npos) << said;
   EXPECT_NE(said.find(text), std::string::npos) << said;
 }
@@ -229,7 +230,7 @@ TEST(StereoRectification, RefusesRigsThatAreNone) {
   expect_refusal(placed({-119, 0, 0}), "a baseline of 119 m");
   expect_refusal(placed({std::nan(""), 0, 0}), "no number");
   expect_refusal(placed({-0.1, 0, 0}, {0, 1.2, 0}), "68.8 degrees");
-  EXPECT_NE(refusal([] { StereoRectifier r(straight_rig(), {.least_seen = 2}); }).find("least_seen"),
+  EXPECT_NE(rig_refusal([] { StereoRectifier r(straight_rig(), {.least_seen = 2}); }).find("least_seen"),
             std::string::npos);
 
   const StereoRectifier rectifier(straight_rig(), {}, "rig.yaml");
@@ -237,7 +238,7 @@ TEST(StereoRectification, RefusesRigsThatAreNone) {
   raw.left.grey = GreyImage(240, 320, uchar{3});
   raw.right.grey = GreyImage(480, 640, uchar{3});
   StereoImages out;
-  EXPECT_EQ(refusal([&] { rectifier.rectify(raw, &out); }),
+  EXPECT_EQ(rig_refusal([&] { rectifier.rectify(raw, &out); }),
             "rig.yaml: it is for right images of 320x240, found 640x480");
 }
 
@@ -248,13 +249,6 @@ const char* const kKalibr =
     "  - [-0.002337, 0.999911, 0.013129, 0.000399]\n  - [-0.001867, -0.013134, 0.999912, -0.000854]\n"
     "  - [0.0, 0.0, 0.0, 1.0]\n  camera_model: pinhole\n  intrinsics: [460.2, 459.0, 379.7, 255.2]\n"
     "  resolution: [752, 480]\n  distortion_model: radtan\n  distortion_coeffs: [-0.28, 0.07, 0.0001, 0.00002]\n";
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  if (at != std::string::npos) text.replace(at, from.size(), to);
-  return text;
-}
 
 TEST(StereoCalibrationFile, KalibrsChain) {
   const StereoCalibration rig = parse_stereo_calibration(kKalibr, "camchain.yaml");
@@ -267,7 +261,7 @@ TEST(StereoCalibrationFile, KalibrsChain) {
   EXPECT_GT(StereoRectifier(rig).seen(), 0.96);
 
   const auto said = [](const std::string& text) {
-    return refusal([&] { parse_stereo_calibration(text, "camchain.yaml"); });
+    return rig_refusal([&] { parse_stereo_calibration(text, "camchain.yaml"); });
   };
   EXPECT_NE(said(replaced(kKalibr, "T_cn_cnm1", "T_cam_imu")).find("key cam1.T_cn_cnm1: found nothing"),
             std::string::npos);
@@ -303,8 +297,9 @@ TEST(StereoCalibrationFile, OrbSlamsSettings) {
       "Camera.height: 376\nCamera.bf: 378.0\n";
   EXPECT_NEAR(parse_stereo_calibration(rectified, "orb.yaml").right_from_left.t.x(), -0.54, 1e-12);
   EXPECT_TRUE(StereoRectifier(parse_stereo_calibration(rectified, "orb.yaml")).is_pass_through());
-  EXPECT_NE(refusal([&] { parse_stereo_calibration(replaced(rectified, "bf", "bx"), "orb.yaml"); }).find("Camera.bf"),
-            std::string::npos);
+  EXPECT_NE(
+      rig_refusal([&] { parse_stereo_calibration(replaced(rectified, "bf", "bx"), "orb.yaml"); }).find("Camera.bf"),
+      std::string::npos);
 }
 
 TEST(StereoCalibrationFile, OursReadsBackToTheLastBit) {

@@ -69,7 +69,7 @@ TEST_F(VideoSourceTest, CutShort) {
   put_video("a.avi", 40);
   cut_in_half("a.mp4");
   cut_in_half("a.avi");
-  testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStderr();
   const std::string mp4 = input_error([&] { open_frame_source(path("a.mp4")); });
   EXPECT_TRUE(contains(mp4, path("a.mp4")) && contains(mp4, "cannot be opened as a video")) << mp4;
   // An AVI plays to where it ends, and says so.
@@ -81,7 +81,7 @@ TEST_F(VideoSourceTest, CutShort) {
   EXPECT_TRUE(contains(played.warnings.back().text, "it may be cut short")) << played.warnings.back().text;
   EXPECT_FALSE(source->next().has_value());
   EXPECT_TRUE(source->take_warnings().empty());
-  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
 }
 
 TEST_F(VideoSourceTest, SizesThatAreNotWorkedWith) {
@@ -97,9 +97,9 @@ TEST_F(VideoSourceTest, AHeaderWithoutFrames) {
   const std::size_t movi = whole.find("movi");
   ASSERT_NE(movi, std::string::npos);
   put("none.avi", whole.substr(0, movi + 4));
-  testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStderr();
   const std::string line = input_error([&] { open_frame_source(path("none.avi")); });
-  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
   EXPECT_TRUE(contains(line, path("none.avi"))) << line;
   EXPECT_FALSE(contains(line, "\n"));
 }

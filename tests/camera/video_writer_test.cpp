@@ -60,7 +60,7 @@ TEST_F(VideoWriterTest, NoFrameIsARunError) {
 }
 
 TEST_F(VideoWriterTest, Refusals) {
-  testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStderr();
   EXPECT_TRUE(contains(input_error([&] { VideoWriter(path("a.mkv"), 30, {320, 240}); }), "expected .mp4 or .avi"));
   EXPECT_NE(input_error([&] { VideoWriter(path("a.mp4"), 0, {320, 240}); }), "");
   EXPECT_NE(input_error([&] { VideoWriter(path("a.mp4"), 30, {0, 240}); }), "");
@@ -70,7 +70,7 @@ TEST_F(VideoWriterTest, Refusals) {
   EXPECT_TRUE(contains(run_error([&] { VideoWriter(path("folder.mp4"), 30, {320, 240}); }), "not a regular file"));
   fs::create_symlink("/dev/full", path("full.avi"));
   EXPECT_TRUE(contains(run_error([&] { VideoWriter(path("full.avi"), 30, {320, 240}); }), "not a regular file"));
-  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
 }
 
 // A limit on the size of files stands in for a full disk: writes beyond it fail.

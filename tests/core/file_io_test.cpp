@@ -13,7 +13,7 @@ namespace parallax {
 namespace {
 namespace fs = std::filesystem;
 
-class FileIo : public testing::Test {
+class FileIo : public ::testing::Test {
  protected:
   void SetUp() override {
     std::string name = (fs::temp_directory_path() / "parallax_file_io_XXXXXX").string();

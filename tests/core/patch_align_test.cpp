@@ -10,11 +10,11 @@
 namespace parallax {
 namespace {
 
-constexpr int kSize = 26;
+constexpr int kImageSize = 26;
 const Eigen::Matrix2d kIdentity = Eigen::Matrix2d::Identity();
 
 struct Pair {
-  ExactImage first{kSize, kSize}, second{kSize, kSize};
+  ExactImage first{kImageSize, kImageSize}, second{kImageSize, kImageSize};
   Eigen::Vector2d shift;  // second(x + shift) shows what first(x) shows
 
   Pair(std::mt19937* random, double shortest_wave, double noise_grey, double offset = 0) {
@@ -137,7 +137,7 @@ TEST(AlignmentTemplate, GradientsAndNormalMatrixAreRight) {
 }
 
 TEST(AlignPatch, RefusesWhatCannotBeAligned) {
-  ExactImage flat(kSize, kSize), ramp(kSize, kSize);
+  ExactImage flat(kImageSize, kImageSize), ramp(kImageSize, kImageSize);
   flat.fill([](int, int) { return 90; });
   ramp.fill([](int x, int) { return 5 * x; });  // an edge: free to slide in y
   const double nan = std::numeric_limits<double>::quiet_NaN();

@@ -175,7 +175,7 @@ cv::Mat1f render_sky(const CameraModel& camera, const Eigen::Matrix3d& camera_fr
   return out;
 }
 
-class RotationFromAlignment : public testing::TestWithParam<CameraModel> {};
+class RotationFromAlignment : public ::testing::TestWithParam<CameraModel> {};
 
 TEST_P(RotationFromAlignment, MatchesTheCamerasRotation) {
   const CameraModel camera = GetParam();
@@ -199,9 +199,9 @@ TEST_P(RotationFromAlignment, MatchesTheCamerasRotation) {
 
 INSTANTIATE_TEST_SUITE_P(
     Lenses, RotationFromAlignment,
-    testing::Values(CameraModel(CameraModelKind::pinhole, 640, 480, {525, 525}, {319.5, 239.5}),
-                    CameraModel(CameraModelKind::fov, 640, 480, {375, 376}, {322.3, 237.1}, {0.9}, 1),
-                    CameraModel(CameraModelKind::radtan, 640, 480, {420, 420}, {315, 245}, {-0.2, 0.03, 0, 0}, 4)));
+    ::testing::Values(CameraModel(CameraModelKind::pinhole, 640, 480, {525, 525}, {319.5, 239.5}),
+                      CameraModel(CameraModelKind::fov, 640, 480, {375, 376}, {322.3, 237.1}, {0.9}, 1),
+                      CameraModel(CameraModelKind::radtan, 640, 480, {420, 420}, {315, 245}, {-0.2, 0.03, 0, 0}, 4)));
 
 TEST(RotationFromAlignment, NoMotionIsTheIdentity) {
   const CameraModel camera(CameraModelKind::pinhole, 640, 480, {525, 525}, {319.5, 239.5});

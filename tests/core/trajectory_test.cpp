@@ -15,7 +15,7 @@ namespace parallax {
 namespace {
 namespace fs = std::filesystem;
 
-class TrajectoryFiles : public testing::Test {
+class TrajectoryFiles : public ::testing::Test {
  protected:
   void SetUp() override {
     std::string name = (fs::temp_directory_path() / "parallax_trajectory_XXXXXX").string();

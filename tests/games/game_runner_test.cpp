@@ -41,7 +41,7 @@ class CountingGame final : public Game {
   GameInfo info_;
 };
 
-class Runner : public testing::Test {
+class Runner : public ::testing::Test {
  protected:
   Runner() : runner_(std::make_unique<CountingGame>()), game_(static_cast<CountingGame&>(runner_.game())) {
     seen_.camera_from_plane = RigidTransform();

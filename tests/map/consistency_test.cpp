@@ -94,7 +94,7 @@ const Break kBreaks[] = {
     {"plane_without_extent", [](FabricatedMap* f) { f->map.plane->extent_m = 0; }, "plane"},
 };
 
-class ConsistencyTest : public testing::TestWithParam<Break> {};
+class ConsistencyTest : public ::testing::TestWithParam<Break> {};
 
 TEST_P(ConsistencyTest, FaultIsFound) {
   FabricatedMap f = fabricate_map();
@@ -112,7 +112,7 @@ TEST_P(ConsistencyTest, FaultIsFound) {
   EXPECT_TRUE(named) << all;
 }
 
-INSTANTIATE_TEST_SUITE_P(Breaks, ConsistencyTest, testing::ValuesIn(kBreaks),
+INSTANTIATE_TEST_SUITE_P(Breaks, ConsistencyTest, ::testing::ValuesIn(kBreaks),
                          [](const auto& instance) { return instance.param.name; });
 
 TEST(Consistency, ReportsAreBounded) {

@@ -148,7 +148,7 @@ TEST(Interruption, StopsAtTheQuestionItIsToldTo) {
 }
 
 // A mapper that publishes once a step, and takes a message where the log says so.
-class ReplayTest : public testing::Test {
+class ReplayTest : public ::testing::Test {
  protected:
   void start(ScheduleLog log) {
     replay_ = std::make_unique<ReplaySchedule>(std::move(log), &map_);

@@ -11,7 +11,7 @@ namespace {
 
 using test::desk_views;
 
-class DataAssociationTest : public testing::Test {
+class DataAssociationTest : public ::testing::Test {
  protected:
   DataAssociationTest() : association_(desk_views().camera(), MapperOptions()) {
     test::set_map(&shared_, test::true_map(&desk_views(), {1, 3, 5}, 40));

@@ -10,7 +10,7 @@
 namespace parallax {
 namespace {
 
-class DominantPlaneTest : public testing::Test {
+class DominantPlaneTest : public ::testing::Test {
  protected:
   double uniform(double lo, double hi) { return std::uniform_real_distribution<double>(lo, hi)(rng_); }
   double gauss(double sigma) { return std::normal_distribution<double>(0, sigma)(rng_); }

@@ -56,7 +56,7 @@ double difference(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
   return std::min((x - y).norm(), (x + y).norm());
 }
 
-class FivePointScenes : public testing::TestWithParam<Scene> {};
+class FivePointScenes : public ::testing::TestWithParam<Scene> {};
 
 TEST_P(FivePointScenes, TruthIsAmongTheSolutions) {
   constexpr int kDraws = 4000;
@@ -97,8 +97,8 @@ TEST_P(FivePointScenes, EverySolutionIsEssentialAndFitsTheRays) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, FivePointScenes,
-                         testing::Values(Scene::general, Scene::planar, Scene::forward, Scene::sideways,
-                                         Scene::near_plane_parallel));
+                         ::testing::Values(Scene::general, Scene::planar, Scene::forward, Scene::sideways,
+                                           Scene::near_plane_parallel));
 
 TEST(FivePoint, RandomRaysGiveDistinctSolutions) {
   Generator generator(3);

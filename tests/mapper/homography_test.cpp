@@ -19,7 +19,7 @@ struct PlanarProblem {
   Eigen::Matrix3d H;
 };
 
-class Homography : public testing::Test {
+class Homography : public ::testing::Test {
  protected:
   double uniform(double lo, double hi) { return std::uniform_real_distribution<double>(lo, hi)(rng_); }
 

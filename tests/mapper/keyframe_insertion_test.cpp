@@ -11,7 +11,7 @@ namespace {
 
 using test::desk_views;
 
-class KeyframeInsertionTest : public testing::Test {
+class KeyframeInsertionTest : public ::testing::Test {
  protected:
   KeyframeInsertionTest() { test::set_map(&shared_, test::true_map(&desk_views(), {1, 4}, 100)); }
 

@@ -75,7 +75,7 @@ TEST(KeyframeMatching, AligningFindsTheTransformAndTheRightPairs) {
   };
   for (const Case& c :
        {Case{-0.08, 0.05, 0.68}, Case{-0.05, 0.3, 0.6}, Case{-0.12, -0.3, 0.85}, Case{-0.1, 0.0, 0.5}}) {
-    SCOPED_TRACE(testing::Message() << c.x << ' ' << c.turn << ' ' << c.distance);
+    SCOPED_TRACE(::testing::Message() << c.x << ' ' << c.turn << ' ' << c.distance);
     const Map b = second_map(c.x, c.turn, c.distance);
     std::mt19937_64 rng(1);
     const auto found = align_places(a, {0, 1}, b, {0, 1}, test::small_camera(), {}, &rng);

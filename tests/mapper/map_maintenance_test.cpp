@@ -13,7 +13,7 @@ namespace {
 
 using test::desk_views;
 
-class MapMaintenanceTest : public testing::Test {
+class MapMaintenanceTest : public ::testing::Test {
  protected:
   MapMaintenanceTest() { test::set_map(&shared_, test::true_map(&desk_views(), {0, 1, 2, 3, 4, 5, 6, 7}, 25)); }
   void expect_sound() { EXPECT_EQ(test::faults(shared_, desk_views().camera()), ""); }

@@ -133,7 +133,7 @@ TEST(Mapper, LockstepIsDeterministicToTheLastBit) {
 }
 
 // A mapper with a true map of the desk, and what the tracker would offer it.
-class MapperTest : public testing::Test {
+class MapperTest : public ::testing::Test {
  protected:
   MapperTest() : mapper_(test::desk_views().camera(), MapperOptions(), &map_, &inbox_) {
     test::set_map(&map_, test::true_map(&test::desk_views(), {1, 4}, 60));

@@ -9,6 +9,7 @@
 #include "map/source_patch.h"
 #include "mapper/patch_slope.h"
 #include "mapper/remeasure.h"
+#include "tests/support/statistics.h"
 
 namespace parallax {
 namespace {
@@ -111,8 +112,6 @@ class SlantedPlane {
   SharedMap map_;
 };
 
-double median(const std::vector<double>& sorted) { return sorted.at(sorted.size() / 2); }
-
 TEST(PatchSlope, SlopeAndNormalAreInverse) {
   Eigen::Matrix3d rays;
   rays << 0.2, 0.204, 0.2, -0.1, -0.1, -0.096, 1, 1, 1;
@@ -129,7 +128,7 @@ TEST(NormalEstimation, FindsTheSlantOfATexturedPlane) {
     const auto changed = estimation.estimate(&scene.map(), {});
     const std::vector<double> errors = scene.errors_deg(true);
     ASSERT_GT(errors.size(), 100U);
-    EXPECT_LT(median(errors), 5.0) << "inclined by " << tilt;
+    EXPECT_LT(testing::median(errors), 5.0) << "inclined by " << tilt;
     EXPECT_LT(errors[errors.size() * 9 / 10], 12.0) << "inclined by " << tilt;
     if (tilt != 0.0) {
       EXPECT_GT(changed.size(), 100U);
@@ -147,10 +146,10 @@ TEST(NormalEstimation, TheImagesAloneSayIt) {
       if (p.id.index % 9 != 0) drop.push_back(p.id);
     for (PointId id : drop) m.erase_point(id);
   });
-  const double before = median(scene.errors_deg());
+  const double before = testing::median(scene.errors_deg());
   EXPECT_GT(before, 20.0);
   EXPECT_GT(estimate_normals(&scene.map(), camera(), {}), 5);
-  EXPECT_LT(median(scene.errors_deg(true)), 5.0);
+  EXPECT_LT(testing::median(scene.errors_deg(true)), 5.0);
 }
 
 TEST(NormalEstimation, LeavesPointsWithTooLittleBaseline) {
@@ -193,9 +192,9 @@ TEST(Remeasure, BringsMeasurementsBackWithTheTrueNormal) {
       for (KeyframeId kf : m.points.at(id).observers)
         if (kf != m.points.at(id).source) m.keyframes.at(kf).find(id)->pixel += Eigen::Vector2d(0.5, -0.3);
   });
-  EXPECT_GT(median(errors()), 0.5);
+  EXPECT_GT(testing::median(errors()), 0.5);
   EXPECT_GT(remeasure_points(&scene.map(), camera(), MapperOptions(), changed, {}), 50);
-  EXPECT_LT(median(errors()), 0.1);
+  EXPECT_LT(testing::median(errors()), 0.1);
 }
 
 }  // namespace

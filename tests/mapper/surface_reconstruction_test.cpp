@@ -15,6 +15,7 @@
 #include "mapper/mapper.h"
 #include "render/occlusion_mask.h"
 #include "tests/mapper/desk_fixture.h"
+#include "tests/support/statistics.h"
 #include "tracker/tracker.h"
 
 namespace parallax {
@@ -194,8 +195,6 @@ Overlaps overlaps(const Tracked& desk, const SceneSurface& surface) {
   return out;
 }
 
-double median(const std::vector<double>& sorted) { return sorted.empty() ? 0 : sorted[sorted.size() / 2]; }
-
 TEST(SurfaceReconstruction, HidesWhatTheDeskHides) {
   const Tracked desk = track_desk("synthetic:desk?size=320x240&seed=6&frames=300", 30, 180, 15);
   ASSERT_TRUE(desk.map->plane);
@@ -207,13 +206,13 @@ TEST(SurfaceReconstruction, HidesWhatTheDeskHides) {
   RecordProperty("keyframes", static_cast<int>(desk.map->keyframes.size()));
   const Overlaps found = overlaps(desk, *surface);
   ASSERT_GT(found.together.size(), 4u);
-  RecordProperty("together", std::to_string(median(found.together)));
+  RecordProperty("together", std::to_string(testing::median(found.together)));
   RecordProperty("blocks", std::to_string(found.blocks.ratio()));
-  EXPECT_GE(median(found.together), kLeastOverlap);
+  EXPECT_GE(testing::median(found.together), kLeastOverlap);
   EXPECT_GE(found.blocks.ratio(), kLeastOfBlocks);
   for (std::size_t i = 0; i < kLayers_m.size(); ++i) {
-    RecordProperty("layer_" + std::to_string(i), std::to_string(median(found.layers[i])));
-    EXPECT_GE(median(found.layers[i]), kLeastOfALayer) << kLayers_m[i];
+    RecordProperty("layer_" + std::to_string(i), std::to_string(testing::median(found.layers[i])));
+    EXPECT_GE(testing::median(found.layers[i]), kLeastOfALayer) << kLayers_m[i];
   }
 }
 

@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "tests/support/rendered_views.h"
+#include "tests/support/statistics.h"
 
 namespace parallax {
 namespace {
@@ -59,11 +60,6 @@ TexturedMapOptions desk_options() {
   return options;
 }
 
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values.empty() ? 1e9 : values[values.size() / 2];
-}
-
 TEST(DenseDisparity, IsThatOfTheTrueDepth) {
   const StereoCamera camera = stereo_camera();
   DisparityOptions options;
@@ -86,7 +82,7 @@ TEST(DenseDisparity, IsThatOfTheTrueDepth) {
     }
   }
   EXPECT_GT(known, 0.4 * possible);
-  EXPECT_LT(median(errors), 0.15);
+  EXPECT_LT(testing::median(errors), 0.15);
   EXPECT_LT(wrong, 0.06 * known);
   // Again, to the last bit; nothing where there is nothing.
   EXPECT_EQ(cv::norm(found, DenseDisparity(camera, options).compute(view.left, view.right), cv::NORM_INF), 0);
@@ -117,7 +113,7 @@ TEST(TexturedMap, FusedPointsLieWhereTheSceneIs) {
     EXPECT_GT(point.sigma_m, 0);
   }
   ASSERT_GT(errors.size(), 400U);
-  EXPECT_LT(median(errors), 0.01);
+  EXPECT_LT(testing::median(errors), 0.01);
   EXPECT_LT(unlike, 0.1 * static_cast<double>(errors.size()));
   // One point a voxel.
   std::set<std::tuple<long, long, long>> voxels;

@@ -18,7 +18,7 @@ double reprojection_cost(const RigidTransform& T, const Eigen::Vector3d& r1, con
   return (ray(x) - r1).squaredNorm() + (ray(T * x) - r2).squaredNorm();
 }
 
-class Triangulation : public testing::Test {
+class Triangulation : public ::testing::Test {
  protected:
   double uniform(double lo, double hi) { return std::uniform_real_distribution<double>(lo, hi)(rng_); }
   RigidTransform pose() {

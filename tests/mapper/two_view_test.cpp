@@ -61,7 +61,7 @@ struct Case {
   TwoViewSettings settings;
 };
 
-class TwoViewCases : public testing::TestWithParam<Case> {};
+class TwoViewCases : public ::testing::TestWithParam<Case> {};
 
 TEST_P(TwoViewCases, PoseIsRightWithAPinhole) {
   const Tally tally = run(wide_pinhole(), GetParam().settings, forgiving());
@@ -79,16 +79,17 @@ constexpr auto kGeneral = TwoViewScene::general;
 constexpr auto kForward = TwoViewScene::forward;
 INSTANTIATE_TEST_SUITE_P(
     Scenes, TwoViewCases,
-    testing::Values(Case{"planar_exact", {.scene = kPlanar, .noise_px = 0, .outliers = 0}},
-                    Case{"planar", {.scene = kPlanar, .matches = 500, .noise_px = 0.5, .outliers = 0.25}},
-                    Case{"planar_many_outliers", {.scene = kPlanar, .matches = 800, .noise_px = 0.5, .outliers = 0.4}},
-                    Case{"clutter", {.scene = kClutter, .matches = 500, .noise_px = 0.5, .outliers = 0.25}},
-                    Case{"clutter_few", {.scene = kClutter, .matches = 300, .noise_px = 0.5, .outliers = 0.4}},
-                    Case{"clutter_noisy", {.scene = kClutter, .matches = 1000, .noise_px = 1.0, .outliers = 0.4}},
-                    Case{"clutter_clean", {.scene = kClutter, .matches = 300, .noise_px = 0.3, .outliers = 0.1}},
-                    Case{"general", {.scene = kGeneral, .matches = 500, .noise_px = 0.5, .outliers = 0.4}},
-                    Case{"general_noisy", {.scene = kGeneral, .matches = 500, .noise_px = 1.0, .outliers = 0.3}},
-                    Case{"forward", {.scene = kForward, .matches = 500, .noise_px = 0.5, .outliers = 0.3}}),
+    ::testing::Values(Case{"planar_exact", {.scene = kPlanar, .noise_px = 0, .outliers = 0}},
+                      Case{"planar", {.scene = kPlanar, .matches = 500, .noise_px = 0.5, .outliers = 0.25}},
+                      Case{"planar_many_outliers",
+                           {.scene = kPlanar, .matches = 800, .noise_px = 0.5, .outliers = 0.4}},
+                      Case{"clutter", {.scene = kClutter, .matches = 500, .noise_px = 0.5, .outliers = 0.25}},
+                      Case{"clutter_few", {.scene = kClutter, .matches = 300, .noise_px = 0.5, .outliers = 0.4}},
+                      Case{"clutter_noisy", {.scene = kClutter, .matches = 1000, .noise_px = 1.0, .outliers = 0.4}},
+                      Case{"clutter_clean", {.scene = kClutter, .matches = 300, .noise_px = 0.3, .outliers = 0.1}},
+                      Case{"general", {.scene = kGeneral, .matches = 500, .noise_px = 0.5, .outliers = 0.4}},
+                      Case{"general_noisy", {.scene = kGeneral, .matches = 500, .noise_px = 1.0, .outliers = 0.3}},
+                      Case{"forward", {.scene = kForward, .matches = 500, .noise_px = 0.5, .outliers = 0.3}}),
     [](const auto& test) { return test.param.name; });
 
 TEST(TwoView, InliersAreTheTruePointsToScale) {

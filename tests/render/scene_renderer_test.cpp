@@ -21,8 +21,8 @@ using Eigen::Vector3d;
 using testing::empty_list;
 using testing::OffscreenScene;
 
-const CameraModel kPinhole(CameraModelKind::pinhole, 320, 240, {250, 250}, {159.5, 119.5});
-const CameraModel kWide(CameraModelKind::fov, 320, 240, {180, 181}, {158, 121}, {0.9}, 1);
+const CameraModel kNarrowLens(CameraModelKind::pinhole, 320, 240, {250, 250}, {159.5, 119.5});
+const CameraModel kWideLens(CameraModelKind::fov, 320, 240, {180, 181}, {158, 121}, {0.9}, 1);
 
 cv::Mat3b noise_image(int width, int height) {
   cv::Mat3b image(height, width);
@@ -60,7 +60,7 @@ cv::Vec3b at(const cv::Mat3b& image, const DrawList& list, const Vector3d& world
 
 TEST(SceneRenderer, LeavesTheImageAloneWhereNothingIsDrawn) {
   OffscreenScene scene(320, 240);
-  DrawList list = empty_list(kWide);
+  DrawList list = empty_list(kWideLens);
   const cv::Mat3b image = noise_image(320, 240);
   list.background = image;
   EXPECT_TRUE(identical(scene.draw(list), image));
@@ -68,7 +68,7 @@ TEST(SceneRenderer, LeavesTheImageAloneWhereNothingIsDrawn) {
   const cv::Mat3b drawn = scene.draw(list);
   EXPECT_FALSE(identical(drawn, image));
   Vector2d centre;
-  ASSERT_TRUE(kWide.project({0, 0, 1}, &centre));
+  ASSERT_TRUE(kWideLens.project({0, 0, 1}, &centre));
   int changed = 0;
   for (int y = 0; y < 240; ++y) {
     for (int x = 0; x < 320; ++x) {
@@ -85,7 +85,7 @@ TEST(SceneRenderer, LeavesTheImageAloneWhereNothingIsDrawn) {
 
 TEST(SceneRenderer, ShowsGreyImagesAndPartsOfLargerOnes) {
   OffscreenScene scene(320, 240);
-  DrawList list = empty_list(kPinhole);
+  DrawList list = empty_list(kNarrowLens);
   cv::Mat1b grey;
   cv::cvtColor(noise_image(330, 260), grey, cv::COLOR_BGR2GRAY);
   list.background = grey(cv::Rect(5, 7, 320, 240));  // rows that do not follow each other in memory
@@ -96,10 +96,10 @@ TEST(SceneRenderer, ShowsGreyImagesAndPartsOfLargerOnes) {
 
 TEST(SceneRenderer, KeepsToItsViewport) {
   OffscreenScene scene(400, 300);
-  DrawList list = empty_list(kPinhole);
+  DrawList list = empty_list(kNarrowLens);
   list.background_colour = {1, 0, 0, 1};
   scene.draw(list);
-  DrawList inner = empty_list(kPinhole);
+  DrawList inner = empty_list(kNarrowLens);
   inner.background = noise_image(320, 240);
   inner.screen_lines.push_back({{-50, 100}, {400, 130}, {1, 1, 1, 1}, 9});
   const cv::Mat3b image = scene.draw(inner, {40, 20, 320, 240});
@@ -122,7 +122,7 @@ TEST(SceneRenderer, FitsTheImageIntoTheWindow) {
 
 TEST(SceneRenderer, NearThingsHideFarOnes) {
   OffscreenScene scene(320, 240);
-  DrawList list = empty_list(kPinhole);
+  DrawList list = empty_list(kNarrowLens);
   // The far one is drawn last.
   list.meshes.push_back(instance_of(box_mesh({0.1f, 0.1f, 0.1f}), 0, 0, 1, {1, 0, 0, 1}));
   list.meshes.push_back(instance_of(box_mesh({0.6f, 0.6f, 0.1f}), 0, 0, 2, {0, 1, 0, 1}));
@@ -136,7 +136,7 @@ TEST(SceneRenderer, NearThingsHideFarOnes) {
 }
 
 TEST(SceneRenderer, DrawsNothingBehindTheCamera) {
-  for (const CameraModel& camera : {kPinhole, kWide}) {
+  for (const CameraModel& camera : {kNarrowLens, kWideLens}) {
     OffscreenScene scene(320, 240);
     DrawList list = empty_list(camera);
     list.meshes.push_back(instance_of(box_mesh({0.5f, 0.5f, 0.5f}), 0, 0, -2));
@@ -148,7 +148,7 @@ TEST(SceneRenderer, DrawsNothingBehindTheCamera) {
 
 TEST(SceneRenderer, WithoutAPoseOnlyTheScreenIsDrawn) {
   OffscreenScene scene(320, 240);
-  DrawList list = empty_list(kPinhole);
+  DrawList list = empty_list(kNarrowLens);
   list.camera_from_world.reset();
   list.meshes.push_back(instance_of(box_mesh({0.5f, 0.5f, 0.5f}), 0, 0, 1));
   list.world_points.push_back({{0, 0, 1}, {1, 1, 1, 1}, 9});
@@ -171,7 +171,7 @@ TEST(SceneRenderer, WithoutACameraTheScreenIsTheBackgrounds) {
 
 TEST(SceneRenderer, BlendsInLinearLight) {
   OffscreenScene scene(320, 240);
-  DrawList list = empty_list(kPinhole);
+  DrawList list = empty_list(kNarrowLens);
   // Half of white over black is 188 in sRGB; blending encoded values would give 128.
   list.meshes.push_back(instance_of(quad_mesh(10, 10), 0, 0, 1, {1, 1, 1, 0.5f}));
   EXPECT_NEAR(scene.draw(list)(100, 100)[1], 188, 1);
@@ -186,7 +186,7 @@ TEST(SceneRenderer, SeeThroughThingsLieOverWhatIsBehindWhateverTheirOrder) {
   OffscreenScene scene(320, 240);
   cv::Mat3b pictures[2];
   for (int order = 0; order < 2; ++order) {
-    DrawList list = empty_list(kPinhole);
+    DrawList list = empty_list(kNarrowLens);
     const auto near = instance_of(quad_mesh(0.4f, 0.4f), 0, 0, 1, {1, 0, 0, 0.5f});
     const auto far = instance_of(quad_mesh(0.8f, 0.8f), 0, 0, 1.2f, {0, 0, 1, 0.5f});
     const auto solid = instance_of(quad_mesh(2, 2), 0, 0, 2, {0, 1, 0, 1});
@@ -201,7 +201,7 @@ TEST(SceneRenderer, SeeThroughThingsLieOverWhatIsBehindWhateverTheirOrder) {
 
 TEST(SceneRenderer, IsLitByTheScenesLight) {
   OffscreenScene scene(320, 240);
-  DrawList list = table_list(kPinhole);
+  DrawList list = table_list(kNarrowLens);
   list.meshes.push_back(instance_of(box_mesh({0.1f, 0.1f, 0.1f}), 0, 0, 0.05f, {0.8f, 0.8f, 0.8f, 1}, 0));
   const Vector3d top(0, 0, 0.1), front(0, -0.05, 0.05);
   const cv::Mat3b bright = scene.draw(list);
@@ -221,7 +221,7 @@ TEST(SceneRenderer, IsLitByTheScenesLight) {
 
 TEST(SceneRenderer, CastsSoftContactShadows) {
   OffscreenScene scene(320, 240);
-  DrawList list = table_list(kPinhole);
+  DrawList list = table_list(kNarrowLens);
   list.meshes.push_back(instance_of(box_mesh({0.08f, 0.08f, 0.08f}), 0, 0, 0.04f));
   const auto row = [&](const cv::Mat3b& image) {
     std::vector<int> out;
@@ -251,7 +251,7 @@ TEST(SceneRenderer, CastsSoftContactShadows) {
 
 TEST(SceneRenderer, SmoothsEdges) {
   OffscreenScene smooth(320, 240), hard(320, 240, {1});
-  DrawList list = empty_list(kPinhole);
+  DrawList list = empty_list(kNarrowLens);
   MeshInstance tilted = instance_of(quad_mesh(0.5f, 0.5f), 0, 0, 1);
   tilted.world_from_model = Eigen::Translation3f(0, 0, 1) * Eigen::AngleAxisf(0.2f, Eigen::Vector3f::UnitZ());
   list.meshes.push_back(tilted);
@@ -270,7 +270,7 @@ TEST(SceneRenderer, SmoothsEdges) {
 TEST(SceneRenderer, LinesAreAsWideAsAsked) {
   OffscreenScene scene(320, 240);
   for (const float width : {0.6f, 1.0f, 2.0f, 5.0f}) {
-    DrawList list = empty_list(kPinhole);
+    DrawList list = empty_list(kNarrowLens);
     list.screen_lines.push_back({{10, 100.3f}, {310, 131.7f}, {1, 1, 1, 1}, width});
     const cv::Mat3b image = scene.draw(list);
     double light = 0;
@@ -285,7 +285,7 @@ TEST(SceneRenderer, UpdatesAndForgetsMeshes) {
   OffscreenScene scene(320, 240);
   for (int frame = 0; frame < 20; ++frame) {
     // A new mesh every frame, most likely where the last one was in memory.
-    DrawList list = empty_list(kPinhole);
+    DrawList list = empty_list(kNarrowLens);
     const float level = frame % 2 ? 1.0f : 0.0f;
     list.meshes.push_back(
         instance_of(quad_mesh(10, 10, cv::Mat4b(2, 2, cv::Vec4b(0, frame % 2 ? 255 : 0, 0, 255))), 0, 0, 1));
@@ -296,7 +296,7 @@ TEST(SceneRenderer, UpdatesAndForgetsMeshes) {
 
 TEST(SceneRenderer, TexturesAreUprightAndRgba) {
   OffscreenScene scene(320, 240);
-  DrawList list = empty_list(kPinhole);
+  DrawList list = empty_list(kNarrowLens);
   cv::Mat4b texture(2, 2);
   texture(0, 0) = {255, 0, 0, 255};
   texture(0, 1) = {0, 255, 0, 255};
@@ -316,7 +316,7 @@ TEST(SceneRenderer, TexturesAreUprightAndRgba) {
 
 TEST(SceneRenderer, ShowsOnlyOutsidesUnlessTwoSided) {
   OffscreenScene scene(320, 240);
-  DrawList list = empty_list(kPinhole);
+  DrawList list = empty_list(kNarrowLens);
   list.meshes.push_back(instance_of(quad_mesh(1, 1, {}, false), 0, 0, 1));  // faces away: +z
   EXPECT_EQ(scene.draw(list)(120, 160)[1], 0);
   list.meshes[0].world_from_model.linear().col(2) *= -1;
@@ -346,7 +346,7 @@ TEST(SceneRenderer, ShapesFaceOutwards) {
 }
 
 TEST(SceneRenderer, TwoContextsOnTwoThreads) {
-  DrawList list = table_list(kWide);
+  DrawList list = table_list(kWideLens);
   list.meshes.push_back(instance_of(sphere_mesh(0.05f), 0, 0, 0.05f, {0.2f, 0.5f, 0.9f, 1}, 0));
   list.grids.emplace_back();
   cv::Mat3b pictures[2];
@@ -363,7 +363,7 @@ TEST(SceneRenderer, TwoContextsOnTwoThreads) {
 TEST(SceneRenderer, RefusesWhatItCannotDraw) {
   EXPECT_THROW(OffscreenContext(0, 100), RunError);
   OffscreenScene scene(64, 48);
-  DrawList list = empty_list(kPinhole);
+  DrawList list = empty_list(kNarrowLens);
   list.background = cv::Mat(48, 64, CV_32FC1, cv::Scalar(0));
   EXPECT_THROW(scene.draw(list), CheckFailure);
   list.background = cv::Mat();

@@ -52,7 +52,7 @@ class VirtualDisplay {
     // It writes the number and then, by itself, the end of the line: it must not find the pipe closed.
     std::string text;
     pollfd ready{number[0], POLLIN, 0};
-    for (char c = 0; poll(&ready, 1, 20000) == 1 && read(number[0], &c, 1) == 1 && c != '\n';) text += c;
+    for (char c = 0; poll(&ready, 1, 20000) == 1 && ::read(number[0], &c, 1) == 1 && c != '\n';) text += c;
     if (!text.empty()) name_ = ":" + text;
     close(number[0]);
   }

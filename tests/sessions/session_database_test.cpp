@@ -103,13 +103,13 @@ void expect_same(const SessionFeatures& a, const SessionFeatures& b) {
 }
 
 // Two sessions of five and three keyframes, met twice, and a map that hangs on the first. Returns all that was saved.
-struct TwoSessions {
+struct SavedSessions {
   SessionDocument document;
   std::vector<SessionBatch> batches;
 };
-TwoSessions save_two_sessions(SessionDatabase* database, std::uint64_t seed = 1) {
+SavedSessions save_two_sessions(SessionDatabase* database, std::uint64_t seed = 1) {
   SessionFabricator make(seed);
-  TwoSessions out;
+  SavedSessions out;
   for (const int keyframes : {5, 3}) {
     SessionState state = database->begin_session(fabricated_start(keyframes == 5 ? "monday" : "tuesday"));
     out.batches.push_back(make.batch(state.id, keyframes));
@@ -165,7 +165,7 @@ std::string reading_sessions_fails(const std::string& path) {
 TEST(SessionDatabase, HoldsAllToTheLastBit) {
   const MemoryFolder folder;
   const std::string path = folder.file("sessions.plx");
-  TwoSessions saved;
+  SavedSessions saved;
   {
     SessionDatabase database(path, SqliteMode::write, "parallax test");
     saved = save_two_sessions(&database);
@@ -222,7 +222,7 @@ TEST(SessionDatabase, ImagesNeedNotBeKept) {
 TEST(SessionDatabase, TheSameAgainIsPassedOver) {
   const MemoryFolder folder;
   const std::string path = folder.file("sessions.plx");
-  TwoSessions saved;
+  SavedSessions saved;
   {
     SessionDatabase database(path, SqliteMode::write);
     saved = save_two_sessions(&database);
@@ -347,7 +347,7 @@ TEST(SessionDatabase, TakesAnothersSessions) {
   SessionDatabase here(folder.file("here"), SqliteMode::write);
   const SessionDocument first = save_two_sessions(&here, 1).document;
   SessionDatabase there(folder.file("there"), SqliteMode::write);
-  const TwoSessions other = save_two_sessions(&there, 2);
+  const SavedSessions other = save_two_sessions(&there, 2);
   here.erase_session(here.begin_session(fabricated_start("gone")).id);  // its number is used up
   const auto renumbered = here.take(&there);
   EXPECT_EQ(renumbered, (std::vector<std::pair<int, int>>{{1, 4}, {2, 5}}));

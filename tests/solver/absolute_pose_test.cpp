@@ -7,23 +7,10 @@
 #include <limits>
 #include <random>
 
+#include "tests/solver/every_lens.h"
+
 namespace parallax {
 namespace {
-
-CameraModel lens(int kind) {
-  switch (kind) {
-    case 0:
-      return CameraModel(CameraModelKind::pinhole, 640, 480, {500, 505}, {320, 238});
-    case 1:
-      return CameraModel(CameraModelKind::radtan, 640, 480, {500, 505}, {320, 238},
-                         {-0.2, 0.05, 1e-3, -5e-4, 0.01, 0.02, -0.01, 0.001}, 8);
-    case 2:
-      return CameraModel(CameraModelKind::kannala_brandt, 640, 480, {400, 405}, {320, 238},
-                         {0.02, -0.01, 0.003, -0.001}, 4);
-    default:
-      return CameraModel(CameraModelKind::fov, 640, 480, {400, 405}, {320, 238}, {0.9}, 1);
-  }
-}
 
 double uniform(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
@@ -205,7 +192,7 @@ Scene make_scene(int kind, int n, double outliers, double noise, bool planar, st
   std::mt19937_64 random(seed);
   std::normal_distribution<double> gauss;
   Scene s;
-  s.camera = lens(kind);
+  s.camera = testing::lens(kind);
   s.truth = random_pose(random, 1.0, 1.0);
   const Eigen::Vector3d slope(uniform(random, -0.5, 0.5), uniform(random, -0.5, 0.5), 0);
   while (static_cast<int>(s.matches.size()) < n) {

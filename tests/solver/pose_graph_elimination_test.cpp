@@ -109,7 +109,7 @@ TEST(SparseElimination, FollowsADenseSystemThroughAnyChange) {
     const int n = 40, size = n * block;
     Eigen::MatrixXd H(size, size), g(size, sides);
     std::vector<int> late;
-    const auto fill = [&](int element) {
+    const auto fill = [&, sides = sides](int element) {
       auto values = tree.element(element);
       const auto m = values.cols();
       Eigen::MatrixXd J(m + 1, m);

@@ -10,27 +10,13 @@
 
 #include "core/cpu_dispatch.h"
 #include "solver/schur_solver.h"
+#include "tests/solver/every_lens.h"
 
 namespace parallax {
 namespace {
 
-CameraModel lens(int kind) {
-  switch (kind) {
-    case 0:
-      return CameraModel(CameraModelKind::pinhole, 640, 480, {500, 505}, {320, 238});
-    case 1:
-      return CameraModel(CameraModelKind::radtan, 640, 480, {500, 505}, {320, 238},
-                         {-0.2, 0.05, 1e-3, -5e-4, 0.01, 0.02, -0.01, 0.001}, 8);
-    case 2:
-      return CameraModel(CameraModelKind::kannala_brandt, 640, 480, {400, 405}, {320, 238},
-                         {0.02, -0.01, 0.003, -0.001}, 4);
-    default:
-      return CameraModel(CameraModelKind::fov, 640, 480, {400, 405}, {320, 238}, {0.9}, 1);
-  }
-}
-
-struct Scene {
-  CameraModel camera = lens(3);
+struct RefinementScene {
+  CameraModel camera = testing::lens(3);
   RigidTransform truth, start;
   std::vector<PoseObservation> observations;
 };
@@ -42,11 +28,11 @@ Vector6d random_increment(std::mt19937& random, double metres, double radians) {
   return mu;
 }
 
-Scene make_scene(int n, double noise, double outliers, unsigned seed) {
+RefinementScene refinement_scene(int n, double noise, double outliers, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> gauss;
   std::uniform_real_distribution<double> uniform(0, 1);
-  Scene s;
+  RefinementScene s;
   s.truth = RigidTransform::exp(random_increment(random, 0.5, 0.5));
   s.start = RigidTransform::exp(random_increment(random, 0.01, 0.01)) * s.truth;
   while (int(s.observations.size()) < n) {
@@ -64,7 +50,7 @@ Scene make_scene(int n, double noise, double outliers, unsigned seed) {
   return s;
 }
 
-double distance(const RigidTransform& a, const RigidTransform& b) { return (a * b.inverse()).log().norm(); }
+double log_distance(const RigidTransform& a, const RigidTransform& b) { return (a * b.inverse()).log().norm(); }
 
 TEST(PoseKernels, ProjectAndDifferentiateAsTheCameraModelDoes) {
   std::mt19937 random(4);
@@ -73,7 +59,7 @@ TEST(PoseKernels, ProjectAndDifferentiateAsTheCameraModelDoes) {
   for (int level = 0; level <= int(highest); ++level) {
     set_simd_level(SimdLevel(level));
     for (int kind = 0; kind < 4; ++kind) {
-      const CameraModel camera = lens(kind);
+      const CameraModel camera = testing::lens(kind);
       solver::PoseJob job;
       job.lens = solver::lens_parameters(camera);
       constexpr int n = 512;
@@ -142,12 +128,12 @@ TEST(PoseKernels, ProjectAndDifferentiateAsTheCameraModelDoes) {
 
 TEST(PoseRefinement, FindsTheExactPose) {
   for (const int n : {4, 5, 7, 10, 33, 1000}) {
-    Scene s = make_scene(n, 0, 0, unsigned(n));
+    RefinementScene s = refinement_scene(n, 0, 0, unsigned(n));
     RigidTransform pose = s.start;
     std::vector<float> weight;
     const PoseSummary summary = refine_pose(s.camera, s.observations, {}, &pose, &weight);
     EXPECT_TRUE(summary.ok);
-    EXPECT_LT(distance(pose, s.truth), 1e-7) << n;
+    EXPECT_LT(log_distance(pose, s.truth), 1e-7) << n;
     EXPECT_EQ(summary.inliers, n);
     ASSERT_EQ(int(weight.size()), n);
     for (const float w : weight) EXPECT_GT(w, 0.999f);
@@ -159,7 +145,7 @@ TEST(PoseRefinement, CovarianceIsConsistent) {
     double nees = 0;
     constexpr int kRuns = 200;
     for (unsigned run = 0; run < kRuns; ++run) {
-      Scene s = make_scene(300, 1.0, 0, 1000 + run);
+      RefinementScene s = refinement_scene(300, 1.0, 0, 1000 + run);
       RigidTransform pose = s.start;
       PoseOptions options;
       options.kernel = kernel;
@@ -177,20 +163,20 @@ TEST(PoseRefinement, CovarianceIsConsistent) {
 
 TEST(PoseRefinement, FortyPercentOutliersDoNoHarm) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
-    Scene s = make_scene(300, 0.5, 0.4, seed);
+    RefinementScene s = refinement_scene(300, 0.5, 0.4, seed);
     s.start = RigidTransform::exp(0.2 * (s.start * s.truth.inverse()).log()) * s.truth;
     RigidTransform pose = s.start;
     std::vector<float> weight;
     const PoseSummary summary = refine_pose(s.camera, s.observations, {}, &pose, &weight);
     EXPECT_TRUE(summary.ok);
-    EXPECT_LT(distance(pose, s.truth), 0.004);
+    EXPECT_LT(log_distance(pose, s.truth), 0.004);
     for (int i = 0; i < 120; ++i) EXPECT_LT(weight[std::size_t(i)], 0.05f);
     EXPECT_GT(summary.inliers, 170);
   }
 }
 
 TEST(PoseRefinement, DegenerateInputLeavesThePoseAlone) {
-  const Scene s = make_scene(20, 0, 0, 3);
+  const RefinementScene s = refinement_scene(20, 0, 0, 3);
   const auto refused = [&](std::vector<PoseObservation> observations) {
     RigidTransform pose = s.start;
     std::vector<float> weight(3, 7.f);
@@ -212,7 +198,7 @@ TEST(PoseRefinement, DegenerateInputLeavesThePoseAlone) {
 }
 
 TEST(PoseRefinement, WhatCannotBeSeenHasNoWeight) {
-  Scene s = make_scene(60, 0, 0, 9);
+  RefinementScene s = refinement_scene(60, 0, 0, 9);
   s.observations[10].point = s.truth.inverse() * -(s.truth * s.observations[10].point);
   s.observations[20].pixel.y() = std::numeric_limits<double>::infinity();
   s.observations[30].sigma_px = 0;
@@ -220,14 +206,14 @@ TEST(PoseRefinement, WhatCannotBeSeenHasNoWeight) {
   std::vector<float> weight;
   const PoseSummary summary = refine_pose(s.camera, s.observations, {}, &pose, &weight);
   EXPECT_TRUE(summary.ok);
-  EXPECT_LT(distance(pose, s.truth), 1e-7);
+  EXPECT_LT(log_distance(pose, s.truth), 1e-7);
   EXPECT_EQ(summary.inliers, 57);
   for (const std::size_t i : {10u, 20u, 30u}) EXPECT_EQ(weight[i], 0.f);
 }
 
 TEST(PoseRefinement, PriorHoldsWhatTheImageDoesNot) {
   // One point seen three times fixes a direction only; the prior decides the rest.
-  const Scene s = make_scene(1, 0, 0, 12);
+  const RefinementScene s = refinement_scene(1, 0, 0, 12);
   const std::vector<PoseObservation> observations(3, s.observations[0]);
   PoseOptions options;
   options.prior_information = Matrix6d::Identity() * 100;
@@ -237,13 +223,13 @@ TEST(PoseRefinement, PriorHoldsWhatTheImageDoesNot) {
   Eigen::Vector2d px;
   ASSERT_TRUE(s.camera.project(pose * s.observations[0].point, &px));
   EXPECT_LT((px - s.observations[0].pixel).norm(), 0.1);
-  EXPECT_LT(distance(pose, s.start), distance(s.truth, s.start) + 0.02);
+  EXPECT_LT(log_distance(pose, s.start), log_distance(s.truth, s.start) + 0.02);
   // A strong prior keeps the pose where it was.
-  const Scene many = make_scene(50, 0, 0, 13);
+  const RefinementScene many = refinement_scene(50, 0, 0, 13);
   options.prior_information = Matrix6d::Identity() * 1e14;
   pose = many.start;
   ASSERT_TRUE(refine_pose(many.camera, many.observations, options, &pose).ok);
-  EXPECT_LT(distance(pose, many.start), 1e-4);
+  EXPECT_LT(log_distance(pose, many.start), 1e-4);
 }
 
 TEST(RobustKernel, SigmaIsConsistentAndExactWhateverTheSize) {

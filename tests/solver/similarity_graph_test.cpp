@@ -10,7 +10,7 @@
 namespace parallax {
 namespace {
 
-class SimilarityGraphTest : public testing::Test {
+class SimilarityGraphTest : public ::testing::Test {
  protected:
   double uniform(double from, double to) { return std::uniform_real_distribution<double>(from, to)(rng_); }
   Eigen::Vector3d vector(double size) { return {uniform(-size, size), uniform(-size, size), uniform(-size, size)}; }

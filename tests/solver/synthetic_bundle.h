@@ -38,6 +38,12 @@ inline SyntheticBundle make_synthetic_bundle(const SyntheticBundleOptions& o) {
   std::uniform_real_distribution<double> uniform(0, 1);
   SyntheticBundle out;
   BundleProblem& problem = out.problem;
+  // One draw a statement: in which order arguments are evaluated is the compiler's choice, and so would be the map.
+  const auto drawn_point = [&](auto& distribution) {
+    Eigen::Vector3d v;
+    for (int i = 2; i >= 0; --i) v[i] = distribution(random);
+    return v;
+  };
   problem.camera = o.camera;
   // The camera sees about 0.8 m x 0.6 m of the desk from 0.65 m above it.
   const double height = 0.65, footprint = 0.45, area = std::max(0.5, o.keyframes * footprint / o.views);
@@ -52,8 +58,7 @@ inline SyntheticBundle make_synthetic_bundle(const SyntheticBundleOptions& o) {
     out.poses.emplace_back(rotation, -(rotation * centre));
   }
   while (int(out.points.size()) < o.points) {
-    const Eigen::Vector3d point(width * (uniform(random) - 0.5), depth * (uniform(random) - 0.5),
-                                -0.2 * uniform(random));
+    const Eigen::Vector3d u = drawn_point(uniform), point(width * (u.x() - 0.5), depth * (u.y() - 0.5), -0.2 * u.z());
     std::vector<BundleObservation> seen;
     for (int i = 0; i < o.keyframes; ++i) {
       BundleObservation observation;
@@ -67,7 +72,8 @@ inline SyntheticBundle make_synthetic_bundle(const SyntheticBundleOptions& o) {
     for (BundleObservation& observation : seen) {
       observation.sigma_px = double(1 << int(3 * uniform(random) * uniform(random)));
       const bool wrong = uniform(random) < o.outliers;
-      const Eigen::Vector2d noise(gauss(random), gauss(random));
+      const double noise_y = gauss(random), noise_x = gauss(random);
+      const Eigen::Vector2d noise(noise_x, noise_y);
       observation.pixel += o.noise_px * observation.sigma_px * noise;
       if (wrong) {
         const double angle = 2 * std::numbers::pi * uniform(random), size = 20 + 60 * uniform(random);
@@ -84,8 +90,7 @@ inline SyntheticBundle make_synthetic_bundle(const SyntheticBundleOptions& o) {
     problem.poses.push_back(i < o.fixed ? out.poses[std::size_t(i)]
                                         : RigidTransform::exp(error) * out.poses[std::size_t(i)]);
   }
-  for (const Eigen::Vector3d& p : out.points)
-    problem.points.push_back(p + o.point_error * Eigen::Vector3d(gauss(random), gauss(random), gauss(random)));
+  for (const Eigen::Vector3d& p : out.points) problem.points.push_back(p + o.point_error * drawn_point(gauss));
   return out;
 }
 

@@ -25,7 +25,7 @@ using testing::pose_difference;
 using testing::SyntheticWindow;
 using testing::WindowScene;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
 
 WindowOptions plain(RobustKernel kernel = RobustKernel::none) {
   WindowOptions options;
@@ -343,16 +343,16 @@ TEST(WindowSmoothing, StopsWhenAskedTo) {
 TEST(WindowSmoothing, BadInputChangesNothing) {
   const SyntheticWindow w = make_window({.poses = 3, .points = 20}, 37);
   std::vector<WindowProblem> bad(9, w.start);
-  bad[0].observations[4].pixel.x() = kNaN;
+  bad[0].observations[4].pixel.x() = kNotANumber;
   bad[1].observations[4].sigma_px = 0;
   bad[2].points[3].setZero();
-  bad[3].poses[1].t.y() = kNaN;
+  bad[3].poses[1].t.y() = kNotANumber;
   bad[4].camera.focal_px.x() = 0;
   bad[5].observations.clear();
   bad[6].observations[2].pixel.y() = std::numeric_limits<double>::infinity();
   for (RigidTransform& pose : bad[7].poses)
     pose = RigidTransform(exp_so3({0, 3.14159, 0}), Eigen::Vector3d::Zero()) * pose;  // looks away
-  bad[8].priors.push_back({0, 1, {}, kNaN * Matrix6d::Identity()});
+  bad[8].priors.push_back({0, 1, {}, kNotANumber * Matrix6d::Identity()});
   for (std::size_t i = 0; i < bad.size(); ++i) {
     const WindowProblem before = bad[i];
     EXPECT_TRUE(smooth_window(&bad[i], plain()).failed) << i;
@@ -368,7 +368,7 @@ TEST(WindowSmoothing, BadInputChangesNothing) {
   // A point that one camera alone sees, once, is no reason to fail, and says nothing.
   WindowProblem lone = w.start;
   lone.points.push_back(Eigen::Vector4d(0, 0, 1, 0.2).normalized());
-  lone.observations.push_back({1, static_cast<int>(lone.points.size()) - 1, {200, kNaN, 100}, 0.5});
+  lone.observations.push_back({1, static_cast<int>(lone.points.size()) - 1, {200, kNotANumber, 100}, 0.5});
   WindowOptions options = plain();
   options.relative_cost_tolerance = 0;
   EXPECT_TRUE(smooth_window(&lone, options).converged);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -73,6 +74,13 @@ inline int count_lines(const std::string& text) {
   int lines = 0;
   for (const char c : text) lines += c == '\n';
   return lines;
+}
+
+// Exactly one line for the user, with this in it.
+inline void expect_one_line_error(const ProcessResult& result, int exit_code, const std::string& part) {
+  EXPECT_EQ(result.exit_code, exit_code) << result.err;
+  EXPECT_EQ(count_lines(result.err), 1) << result.err;
+  EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
 }
 
 inline std::string read_all(const std::filesystem::path& path) {

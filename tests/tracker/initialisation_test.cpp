@@ -24,7 +24,7 @@ RenderedViews& sliding() {
   return views;
 }
 
-class InitialisationTest : public testing::Test {
+class InitialisationTest : public ::testing::Test {
  protected:
   explicit InitialisationTest(bool automatic = false, std::size_t capacity = 4)
       : inbox_(capacity),

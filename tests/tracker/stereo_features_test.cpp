@@ -10,6 +10,7 @@
 #include <random>
 #include <vector>
 
+#include "tests/support/statistics.h"
 #include "tracker/affine_alignment.h"
 #include "tracker/stereo_corners.h"
 #include "tracker/stereo_flow.h"
@@ -66,16 +67,10 @@ GreyImage draw_shifted(const Waves& waves, cv::Size size, const Vector2d& shift,
       waves, size, [&](const Vector2d& p) { return Vector2d(p - shift); }, gain, offset);
 }
 
-ImagePyramid pyramid_of(const GreyImage& image) {
+ImagePyramid levels_of(const GreyImage& image) {
   ImagePyramid pyramid;
   build_pyramid(image, &pyramid);
   return pyramid;
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return HUGE_VAL;
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
 }
 
 const cv::Size kSize(320, 240);
@@ -138,7 +133,7 @@ struct Flow {
 Flow follow(const Vector2d& shift, double gain, double offset) {
   const Waves waves(2);
   const GreyImage image = draw_shifted(waves, kSize, Vector2d::Zero());
-  const ImagePyramid last = pyramid_of(image), next = pyramid_of(draw_shifted(waves, kSize, shift, gain, offset));
+  const ImagePyramid last = levels_of(image), next = levels_of(draw_shifted(waves, kSize, shift, gain, offset));
   CornerSearch search;
   search.wanted = 120;
   search.border_px = 40;
@@ -162,21 +157,21 @@ TEST(StereoFlow, SubPixelUnderChangesOfBrightness) {
     ASSERT_GT(flow.asked, 50);
     EXPECT_GE(static_cast<double>(flow.errors.size()), c.found * flow.asked) << c.shift.transpose();
     // The 8x8 windows take up the mean alone; a gain is left in them.
-    EXPECT_LT(median(flow.errors), c.gain == 1 ? 0.06 : 0.13) << c.shift.transpose() << " gain " << c.gain;
+    EXPECT_LT(testing::median(flow.errors), c.gain == 1 ? 0.06 : 0.13) << c.shift.transpose() << " gain " << c.gain;
     EXPECT_LT(*std::max_element(flow.errors.begin(), flow.errors.end()), 1) << c.shift.transpose();
   }
 }
 
 TEST(StereoFlow, WhatHasLeftIsNotFound) {
   const Waves waves(3);
-  const ImagePyramid last = pyramid_of(draw_shifted(waves, kSize, Vector2d::Zero()));
-  const ImagePyramid next = pyramid_of(draw_shifted(waves, kSize, {30, 0}));
+  const ImagePyramid last = levels_of(draw_shifted(waves, kSize, Vector2d::Zero()));
+  const ImagePyramid next = levels_of(draw_shifted(waves, kSize, {30, 0}));
   int found = 0;
   for (int y = 20; y < 220; y += 4)
     found += track_forward_backward(last, next, {305, y}, Vector2d(335, y), {}).has_value();
   EXPECT_EQ(found, 0);
   // Something else is there now.
-  const ImagePyramid other = pyramid_of(draw_shifted(Waves(4), kSize, Vector2d::Zero()));
+  const ImagePyramid other = levels_of(draw_shifted(Waves(4), kSize, Vector2d::Zero()));
   int asked = 0;
   for (int y = 30; y < 210; y += 9)
     for (int x = 30; x < 290; x += 13, ++asked)
@@ -208,7 +203,7 @@ TEST(StereoMatching, DisparityIsFoundToAPartOfAPixel) {
   }
   ASSERT_GT(asked, 50);
   EXPECT_GT(static_cast<double>(errors.size()), 0.85 * asked);
-  EXPECT_LT(median(errors), 0.02);
+  EXPECT_LT(testing::median(errors), 0.02);
   EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 0.15);
 }
 

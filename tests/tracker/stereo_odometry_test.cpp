@@ -14,7 +14,7 @@
 namespace parallax {
 namespace {
 
-constexpr int kFrames = 26, kFirst = 100;
+constexpr int kPairs = 26, kFirst = 100;
 
 // A stretch of the synthetic building, drawn once.
 struct Stretch {
@@ -27,7 +27,7 @@ struct Stretch {
   Stretch() {
     const StereoCalibration rig = *source->calibration();
     camera = {rig.left.width(), rig.left.height(), rig.left.focal_px(), rig.left.centre_px(), rig.baseline_m()};
-    for (int i = 0; i < kFrames; ++i) {
+    for (int i = 0; i < kPairs; ++i) {
       frames.push_back(source->frame(kFirst + i));
       world_from_camera.push_back(source->world_from_camera(kFirst + i));
     }
@@ -68,7 +68,7 @@ TEST(StereoOdometry, FollowsTheTruth) {
   std::vector<double> disparity_errors;
   double nees = 0;
   int compared = 0;
-  for (int i = 0; i < kFrames; ++i) {
+  for (int i = 0; i < kPairs; ++i) {
     const StereoFrameResult result = step(&odometry, i);
     ASSERT_EQ(result.state, i == 0 ? StereoState::started : StereoState::tracked) << i << ' ' << result.reason;
     EXPECT_TRUE(result.reason.empty());

@@ -42,7 +42,7 @@ const Map& true_desk() {
   return m;
 }
 
-class TrackerTest : public testing::Test {
+class TrackerTest : public ::testing::Test {
  protected:
   explicit TrackerTest(bool automatic = false, std::size_t capacity = 8)
       : inbox_(capacity), tracker_(views().camera(), options(), automatic, &map_, &inbox_) {}

@@ -5,7 +5,7 @@
 namespace parallax {
 namespace {
 
-const CameraModel& camera() {
+const CameraModel& plain_camera() {
   static const CameraModel c(CameraModelKind::pinhole, 640, 480, {400, 400}, {320, 240});
   return c;
 }
@@ -67,16 +67,16 @@ TEST(TrackingQuality, APoseThatItsOwnMatchesContradictIsNone) {
 
 TEST(TrackingQuality, RecoveryIsStricter) {
   const TrackerOptions o;
-  EXPECT_TRUE(accept_recovery(result(400, 350), camera(), o));
-  EXPECT_FALSE(accept_recovery(result(1000, 150), camera(), o)) << "tracked, but not enough to come back with";
-  EXPECT_FALSE(accept_recovery(result(o.recovery_min_inliers - 1, o.recovery_min_inliers - 1), camera(), o));
+  EXPECT_TRUE(accept_recovery(result(400, 350), plain_camera(), o));
+  EXPECT_FALSE(accept_recovery(result(1000, 150), plain_camera(), o)) << "tracked, but not enough to come back with";
+  EXPECT_FALSE(accept_recovery(result(o.recovery_min_inliers - 1, o.recovery_min_inliers - 1), plain_camera(), o));
   TwoStageResult corner = result(400, 350);
   for (MatchedPoint& m : corner.matches) m.pixel = Eigen::Vector2d(20, 30);
-  EXPECT_FALSE(accept_recovery(corner, camera(), o)) << "one textured corner is no support";
+  EXPECT_FALSE(accept_recovery(corner, plain_camera(), o)) << "one textured corner is no support";
   TwoStageResult outliers = result(400, 350);
   outliers.inliers = 100;
   for (std::size_t i = 100; i < outliers.matches.size(); ++i) outliers.matches[i].weight = 0;
-  EXPECT_FALSE(accept_recovery(outliers, camera(), o));
+  EXPECT_FALSE(accept_recovery(outliers, plain_camera(), o));
 }
 
 // Much has been moved since: few of the points are there, but those that are agree, all over the image.
@@ -86,18 +86,18 @@ TEST(TrackingQuality, AChangedDeskIsComeBackToAndAnotherIsNot) {
     r.sigma = 0.4;
     return r;
   };
-  EXPECT_TRUE(accept_recovery(sharp(result(1000, 220)), camera(), o));
-  EXPECT_FALSE(accept_recovery(sharp(result(1000, 170)), camera(), o)) << "too few of what should be seen";
-  EXPECT_FALSE(accept_recovery(sharp(result(300, 90)), camera(), o)) << "too few to say so";
+  EXPECT_TRUE(accept_recovery(sharp(result(1000, 220)), plain_camera(), o));
+  EXPECT_FALSE(accept_recovery(sharp(result(1000, 170)), plain_camera(), o)) << "too few of what should be seen";
+  EXPECT_FALSE(accept_recovery(sharp(result(300, 90)), plain_camera(), o)) << "too few to say so";
   TwoStageResult contradicted = sharp(result(1000, 300));
   contradicted.inliers = 260;
-  EXPECT_FALSE(accept_recovery(contradicted, camera(), o)) << "things that two desks share";
+  EXPECT_FALSE(accept_recovery(contradicted, plain_camera(), o)) << "things that two desks share";
   TwoStageResult loose = result(1000, 300);
   loose.sigma = 0.9;
-  EXPECT_FALSE(accept_recovery(loose, camera(), o));
+  EXPECT_FALSE(accept_recovery(loose, plain_camera(), o));
   TwoStageResult keyboard = sharp(result(1000, 300));
   for (MatchedPoint& m : keyboard.matches) m.pixel = 0.45 * m.pixel + Eigen::Vector2d(170, 120);
-  EXPECT_FALSE(accept_recovery(keyboard, camera(), o)) << "one thing that was moved";
+  EXPECT_FALSE(accept_recovery(keyboard, plain_camera(), o)) << "one thing that was moved";
 }
 
 }  // namespace
