@@ -6,6 +6,7 @@
 #include "app/initialisation_hint.h"
 #include "app/view_memory.h"
 #include "render/synthetic_path.h"
+#include "tests/support/lenses.h"
 
 namespace parallax {
 namespace {
@@ -13,7 +14,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-CameraModel wide_lens() { return {CameraModelKind::fov, 640, 480, {375.0, 376.0}, {321.4, 238.2}, {0.9}, 1}; }
 CameraModel narrow_lens() { return {CameraModelKind::pinhole, 640, 480, {620, 620}, {319.5, 239.5}}; }
 
 // Trails of a flat table seen from 0.6 m, square on or slanted, after the camera has moved.
@@ -40,7 +40,7 @@ TrackingResult trails(const CameraModel& camera, const RigidTransform& second_fr
 RigidTransform slide(double metres) { return {Eigen::Matrix3d::Identity(), Vector3d(-metres, 0, 0)}; }
 
 TEST(InitialisationHint, MeasuresTheMotionOfTrails) {
-  for (const CameraModel& camera : {wide_lens(), narrow_lens()}) {
+  for (const CameraModel& camera : {testing::wide_lens(), narrow_lens()}) {
     // A pure turn: everything is explained by it.
     const RigidTransform turn(exp_so3({0.02, 0.09, 0.01}), Vector3d::Zero());
     TrailMotion motion = trail_motion(camera, trails(camera, turn, 0.4, 0).trails);
@@ -55,11 +55,11 @@ TEST(InitialisationHint, MeasuresTheMotionOfTrails) {
     EXPECT_LT(motion.median_deg, 4.8);
     EXPECT_GT(motion.beyond_rotation_deg, 0.05);
   }
-  EXPECT_EQ(trail_motion(wide_lens(), {}).median_deg, 0);
+  EXPECT_EQ(trail_motion(testing::wide_lens(), {}).median_deg, 0);
 }
 
 TEST(InitialisationHint, TellsATurnFromASlide) {
-  for (const CameraModel& camera : {wide_lens(), narrow_lens()}) {
+  for (const CameraModel& camera : {testing::wide_lens(), narrow_lens()}) {
     const RigidTransform turn(exp_so3({0.03, 0.12, 0.01}), Vector3d::Zero());
     auto hint = initialisation_hint(camera, trails(camera, turn, 0.4, 0.2), "");
     EXPECT_EQ(hint.kind, HintKind::turning) << hint.text;
@@ -87,7 +87,7 @@ TEST(InitialisationHint, TellsATurnFromASlide) {
 // A hand that slides turns too, often so that the table stays in the middle of the picture: the patches hardly move,
 // and the parallax is there all the same.
 TEST(InitialisationHint, ATurnTakesNothingFromASlide) {
-  for (const CameraModel& camera : {wide_lens(), narrow_lens()}) {
+  for (const CameraModel& camera : {testing::wide_lens(), narrow_lens()}) {
     for (const double slant : {0.0, 0.5}) {
       for (const double metres : {0.03, 0.05}) {
         const double slid = initialisation_hint(camera, trails(camera, slide(metres), slant, 0.1), "").parallax_deg;
@@ -107,7 +107,7 @@ TEST(InitialisationHint, ATurnTakesNothingFromASlide) {
 }
 
 TEST(InitialisationHint, SaysWhatToDoInEveryState) {
-  const CameraModel camera = wide_lens();
+  const CameraModel camera = testing::wide_lens();
   TrackingResult tracked;
   tracked.message = "press Space, then slide the camera sideways";
   HintOptions options;

@@ -8,6 +8,7 @@
 #include "app/marker_scale.h"
 #include "core/error.h"
 #include "render/synthetic_path.h"
+#include "tests/support/lenses.h"
 
 namespace parallax {
 namespace {
@@ -18,8 +19,6 @@ using Eigen::Vector3d;
 constexpr double kSide_m = 0.06;
 constexpr int kId = 17;
 constexpr double kTrueScale = 2.5;  // true metres a map metre
-
-CameraModel marker_lens() { return {CameraModelKind::fov, 640, 480, {375.0, 376.0}, {321.4, 238.2}, {0.9}, 1}; }
 
 // A marker on the table z = 0, turned a little; true metres. Its frame: x right, y down as printed, z into the table.
 RigidTransform world_from_marker() { return {exp_so3({M_PI, 0, 0}) * exp_so3({0, 0, 0.3}), Vector3d(0.03, -0.02, 0)}; }
@@ -90,7 +89,7 @@ MarkerOptions options() {
 }
 
 TEST(MarkerScale, FindsTheCornersOfARenderedMarker) {
-  const CameraModel camera = marker_lens();
+  const CameraModel camera = testing::wide_lens();
   for (const int i : {0, 2}) {
     const auto markers = detect_markers(picture(camera, view(i)));
     ASSERT_EQ(markers.size(), 1U);
@@ -111,7 +110,7 @@ TEST(MarkerScale, FindsTheCornersOfARenderedMarker) {
 }
 
 TEST(MarkerScale, FromPicturesOfKeyframes) {
-  const CameraModel camera = marker_lens();
+  const CameraModel camera = testing::wide_lens();
   TrackingSnapshot map;
   for (int i = 0; i < 3; ++i) {
     SnapshotKeyframe kf;
@@ -144,7 +143,7 @@ TEST(MarkerScale, FromPicturesOfKeyframes) {
 }
 
 TEST(MarkerScale, ExactCornersGiveTheExactScale) {
-  const CameraModel camera = marker_lens();
+  const CameraModel camera = testing::wide_lens();
   std::mt19937_64 random(1);
   std::vector<MarkerSighting> sightings{sighting(camera, view(0), 0, &random), sighting(camera, view(3), 0, &random)};
   const MarkerScale scale = scale_from_sightings(camera, sightings, options());
@@ -158,7 +157,7 @@ TEST(MarkerScale, ExactCornersGiveTheExactScale) {
 
 // What it says of its own uncertainty is so: errors over many trials, in its standard deviations.
 TEST(MarkerScale, UncertaintyIsHonest) {
-  const CameraModel camera = marker_lens();
+  const CameraModel camera = testing::wide_lens();
   std::mt19937_64 random(2);
   double sum = 0, sum_plane = 0;
   const int trials = 300;
@@ -179,7 +178,7 @@ TEST(MarkerScale, UncertaintyIsHonest) {
 }
 
 TEST(MarkerScale, RefusesWithAReason) {
-  const CameraModel camera = marker_lens();
+  const CameraModel camera = testing::wide_lens();
   std::mt19937_64 random(3);
   // The same place twice.
   std::vector<MarkerSighting> sightings{sighting(camera, view(1), 0.2, &random),

@@ -11,18 +11,18 @@
 namespace parallax {
 namespace {
 
-constexpr double kBallRadius_m = 0.2;
-constexpr double kUnit_m = kBallRadius_m / kMarblesFieldRadius;
+constexpr double kTableRadius_m = 0.2;
+constexpr double kUnit_m = kTableRadius_m / kMarblesFieldRadius;
 
 double share(std::mt19937_64* random) { return static_cast<double>((*random)() >> 11) * 0x1p-53; }
 
 // A desk with boxes turned every way, heights with noise, and speckles.
 PlayingField cluttered_field(std::uint64_t seed, int things, double cell_m = 0.005) {
-  PlayingField field = empty_field(kBallRadius_m);
+  PlayingField field = empty_field(kTableRadius_m);
   field.outline_m.clear();
   for (int i = 0; i < 10; ++i) {
     const double angle = 2 * M_PI * i / 10;
-    field.outline_m.push_back(kBallRadius_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+    field.outline_m.push_back(kTableRadius_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
   }
   auto surface = std::make_shared<SceneSurface>();
   surface->cell_m = cell_m;
@@ -72,7 +72,7 @@ void wait_until_playing(MarblesGame* game) {
 }
 
 TEST(MarblesGround, NoiseIsRemovedAndThingsAreKept) {
-  PlayingField field = empty_field(kBallRadius_m);
+  PlayingField field = empty_field(kTableRadius_m);
   auto surface = std::make_shared<SceneSurface>();
   surface->cell_m = 0.25 * kUnit_m;
   surface->columns = surface->rows = 140;
@@ -297,7 +297,7 @@ TEST(Marbles, HostileSavesAreRefusedInOneLineAndChangeNothing) {
 
 TEST(Marbles, AMarbleOverTheEdgeCostsALifeAndComesBack) {
   MarblesGame game;
-  game.start(empty_field(kBallRadius_m), options_of(2));
+  game.start(empty_field(kTableRadius_m), options_of(2));
   wait_until_playing(&game);
   GameInput input;
   input.move = {1, 0};
@@ -317,7 +317,7 @@ TEST(Marbles, TheCameraTiltsTheTableAndTheKeysTakeOver) {
   MarblesGame game;
   GameOptions options = options_of(2);
   options.settings = {{"loose_marbles", 0}};
-  game.start(empty_field(kBallRadius_m), options);
+  game.start(empty_field(kTableRadius_m), options);
   wait_until_playing(&game);
   GameInput input;
   input.camera_from_plane = camera_over_table();
@@ -344,7 +344,7 @@ TEST(Marbles, TheCameraTiltsTheTableAndTheKeysTakeOver) {
 
 TEST(Marbles, AFlickSendsTheMarbleAlongTheView) {
   MarblesGame game;
-  game.start(empty_field(kBallRadius_m), options_of(2));
+  game.start(empty_field(kTableRadius_m), options_of(2));
   wait_until_playing(&game);
   const Eigen::Vector2d at_m = game.state().marbles[0].position.head<2>().cast<double>() * game.state().unit_m;
   GameInput input;
@@ -414,7 +414,7 @@ TEST(Marbles, AnotherTableIsPlayedOnInProportion) {
   wait_until_playing(&game);
   const double unit_m = game.state().unit_m;
   for (const double factor : {0.01, 1.0, 300.0}) {
-    PlayingField other = empty_field(factor * kBallRadius_m);
+    PlayingField other = empty_field(factor * kTableRadius_m);
     other.number = game.state().level_number + static_cast<int>(10 * factor) + 7;
     game.change_field(other);
     EXPECT_NEAR(game.state().unit_m, factor * unit_m, 1e-9 * factor);
@@ -430,9 +430,9 @@ TEST(Marbles, OddFieldsCanBePlayed) {
   for (float& height : surface->height_m)
     height = 0.05f * static_cast<float>(&height - surface->height_m.data()) / 9e3f;
   full.surface = surface;
-  PlayingField sliver = empty_field(kBallRadius_m);
+  PlayingField sliver = empty_field(kTableRadius_m);
   sliver.outline_m = {{0, 0}, {1e-3, 0}, {0, 1e-3}};
-  PlayingField broken = empty_field(kBallRadius_m);
+  PlayingField broken = empty_field(kTableRadius_m);
   broken.outline_m[1].x() = std::nan("");
   for (const PlayingField& field : {nothing, full, sliver, broken}) {
     MarblesGame game;

@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-#include "tests/solver/every_lens.h"
+#include "tests/support/lenses.h"
 
 namespace parallax {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "core/cpu_dispatch.h"
 #include "solver/schur_solver.h"
-#include "tests/solver/every_lens.h"
+#include "tests/support/lenses.h"
 
 namespace parallax {
 namespace {

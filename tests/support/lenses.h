@@ -1,11 +1,11 @@
-// A camera of each kind of lens.
+// Cameras that several tests look through.
 #pragma once
 
 #include "core/camera_model.h"
 
 namespace parallax::testing {
 
-// 0 pinhole, 1 radtan, 2 Kannala-Brandt, 3 FOV.
+// Of each kind: 0 pinhole, 1 radtan, 2 Kannala-Brandt, 3 FOV.
 inline CameraModel lens(int kind) {
   switch (kind) {
     case 0:
@@ -20,5 +20,8 @@ inline CameraModel lens(int kind) {
       return CameraModel(CameraModelKind::fov, 640, 480, {400, 405}, {320, 238}, {0.9}, 1);
   }
 }
+
+// The wide FOV lens PTAM was made for.
+inline CameraModel wide_lens() { return {CameraModelKind::fov, 640, 480, {375.0, 376.0}, {321.4, 238.2}, {0.9}, 1}; }
 
 }  // namespace parallax::testing
