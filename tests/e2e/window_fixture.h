@@ -81,8 +81,10 @@ class WindowFixture : public ::testing::Test {
       if (!is_installed(program)) GTEST_SKIP() << program << " is not installed";
     int number[2];
     ASSERT_EQ(pipe2(number, O_CLOEXEC), 0);
+    // Without -noreset the server starts over when its last client leaves, and turns away whoever connects meanwhile:
+    // an xdotool that ends while the program is about to connect.
     screen_.emplace(std::vector<std::string>{"Xvfb", "-displayfd", std::to_string(number[1]), "-screen", "0",
-                                             "800x600x24", "-nolisten", "tcp"},
+                                             "800x600x24", "-nolisten", "tcp", "-noreset"},
                     std::vector<std::string>{}, number[1]);
     close(number[1]);
     // The number comes before its newline: with the pipe closed in between the server would end.

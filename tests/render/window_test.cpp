@@ -44,7 +44,7 @@ class VirtualDisplay {
     child_ = fork();
     if (child_ == 0) {
       dup2(number[1], 3);
-      execl("/usr/bin/Xvfb", "Xvfb", "-displayfd", "3", "-screen", "0", "1024x768x24", "-nolisten", "tcp",
+      execl("/usr/bin/Xvfb", "Xvfb", "-displayfd", "3", "-screen", "0", "1024x768x24", "-nolisten", "tcp", "-noreset",
             static_cast<char*>(nullptr));
       _exit(127);
     }
