@@ -10,7 +10,6 @@ namespace parallax {
 namespace {
 
 constexpr int kTests = 256;
-constexpr int kOrientations = 32;  // the pattern is turned in steps of this part of a circle
 constexpr int kOrientationRadius = 7;
 constexpr double kPatternSigma = 6.0;
 constexpr int kPatternRadius = 13;
@@ -26,7 +25,7 @@ double gaussian(std::mt19937* rng) {
   return std::sqrt(-2.0 * std::log(u)) * std::cos(2.0 * M_PI * v);
 }
 
-std::array<Pattern, kOrientations> make_patterns() {
+std::array<Pattern, kDescriptorOrientations> make_patterns() {
   std::mt19937 rng(20070813);
   std::array<std::array<double, 4>, kTests> base;
   const auto inside = [&] {
@@ -39,9 +38,9 @@ std::array<Pattern, kOrientations> make_patterns() {
     const auto a = inside(), b = inside();
     t = {a[0], a[1], b[0], b[1]};
   }
-  std::array<Pattern, kOrientations> out;
-  for (int o = 0; o < kOrientations; ++o) {
-    const double angle = 2.0 * M_PI * o / kOrientations, c = std::cos(angle), s = std::sin(angle);
+  std::array<Pattern, kDescriptorOrientations> out;
+  for (int o = 0; o < kDescriptorOrientations; ++o) {
+    const double angle = 2.0 * M_PI * o / kDescriptorOrientations, c = std::cos(angle), s = std::sin(angle);
     for (int i = 0; i < kTests; ++i) {
       const auto& t = base[i];
       const auto turn = [&](double x, double y, std::int8_t* tx, std::int8_t* ty) {
@@ -69,7 +68,8 @@ int orientation_index(const GreyImage& image, int x, int y) {
     my += dy * sum;
   }
   const double turn = std::atan2(static_cast<double>(my), static_cast<double>(mx)) / (2.0 * M_PI);
-  return (static_cast<int>(std::lround(turn * kOrientations)) + kOrientations) % kOrientations;
+  return (static_cast<int>(std::lround(turn * kDescriptorOrientations)) + kDescriptorOrientations) %
+         kDescriptorOrientations;
 }
 
 }  // namespace
@@ -80,12 +80,15 @@ GreyImage smooth_for_descriptors(const GreyImage& image) {
   return out;
 }
 
-bool describe_corner(const GreyImage& image, const GreyImage& smooth, int x, int y, BinaryDescriptor* out) {
+bool describe_corner(const GreyImage& image, const GreyImage& smooth, int x, int y, BinaryDescriptor* out,
+                     std::uint8_t* orientation) {
   if (x < kDescriptorBorder || y < kDescriptorBorder || x >= image.cols - kDescriptorBorder ||
       y >= image.rows - kDescriptorBorder)
     return false;
-  static const std::array<Pattern, kOrientations> patterns = make_patterns();
-  const Pattern& pattern = patterns[static_cast<std::size_t>(orientation_index(image, x, y))];
+  static const std::array<Pattern, kDescriptorOrientations> patterns = make_patterns();
+  const int turned = orientation_index(image, x, y);
+  if (orientation) *orientation = static_cast<std::uint8_t>(turned);
+  const Pattern& pattern = patterns[static_cast<std::size_t>(turned)];
   const auto step = static_cast<std::ptrdiff_t>(smooth.step[0]);
   const std::uint8_t* centre = smooth.ptr<std::uint8_t>(y) + x;
   for (int word = 0; word < 4; ++word) {

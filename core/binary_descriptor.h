@@ -21,6 +21,9 @@ inline int hamming(const BinaryDescriptor& a, const BinaryDescriptor& b) {
   return distance;
 }
 
+// The orientation of a corner is one of so many steps of a full turn.
+inline constexpr int kDescriptorOrientations = 32;
+
 // Pixels around the corner that must lie inside the image.
 inline constexpr int kDescriptorBorder = 17;
 
@@ -28,7 +31,9 @@ inline constexpr int kDescriptorBorder = 17;
 GreyImage smooth_for_descriptors(const GreyImage& image);
 
 // The descriptor of the corner at (x, y); `image` gives the orientation, `smooth` the comparisons (both of the corner's
-// own level). False too near the border.
-bool describe_corner(const GreyImage& image, const GreyImage& smooth, int x, int y, BinaryDescriptor* out);
+// own level). False too near the border. `orientation`, when given, receives the step that the pattern was turned by, x
+// towards y.
+bool describe_corner(const GreyImage& image, const GreyImage& smooth, int x, int y, BinaryDescriptor* out,
+                     std::uint8_t* orientation = nullptr);
 
 }  // namespace parallax

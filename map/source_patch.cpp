@@ -16,6 +16,9 @@ constexpr int kMaxPerPixel = 600;
 // Part of the template's own variance that may remain unexplained.
 constexpr double kUnexplainedPart = 0.5;
 
+// Sum of squared differences from the mean.
+double energy(const PatchTemplate& t) { return t.sum_squares - static_cast<double>(t.sum) * t.sum / kPatchPixels; }
+
 }  // namespace
 
 bool set_source(MapPoint* point, KeyframeId keyframe, int level, const Eigen::Vector2d& pixel,
@@ -100,16 +103,39 @@ bool warp_source_patch_for_alignment(const ImagePyramid& source, int source_leve
   return true;
 }
 
+WarpedPatch with_gain(const WarpedPatch& patch, double gain) {
+  WarpedPatch out = patch;
+  const auto g = static_cast<float>(gain);
+  const float mean = static_cast<float>(patch.search.sum) / kPatchPixels;
+  const auto lit = [&](float v) { return mean + g * (v - mean); };
+  for (std::size_t k = 0; k < kPatchPixels; ++k) {
+    out.search.pixels[k] =
+        static_cast<std::uint8_t>(std::clamp(lit(static_cast<float>(patch.search.pixels[k])) + 0.5f, 0.0f, 255.0f));
+    out.alignment.intensity[k] = lit(patch.alignment.intensity[k]);
+    out.alignment.dx[k] *= g;
+    out.alignment.dy[k] *= g;
+  }
+  finish_template(&out.search);
+  // The normal matrix over (dx, dy, mean) is scaled by diag(g, g, 1) on both sides.
+  out.alignment.covariance /= g * g;
+  const Eigen::Vector3f scale(1 / g, 1 / g, 1);
+  out.alignment.inverse_normal = scale.asDiagonal() * patch.alignment.inverse_normal * scale.asDiagonal();
+  return out;
+}
+
+double contrast_ratio(const PatchTemplate& t, const GreyImage& image, int x, int y) {
+  PatchTemplate block;
+  if (!(energy(t) > 0) || !copy_patch(image, x, y, &block)) return 0;
+  return std::sqrt(energy(block) / energy(t));
+}
+
 int zmssd_threshold(const PatchTemplate& t) {
-  const double energy = t.sum_squares - static_cast<double>(t.sum) * t.sum / kPatchPixels;
-  return static_cast<int>(std::min(kNoisePerPixel * kPatchPixels + kUnexplainedPart * energy,
+  return static_cast<int>(std::min(kNoisePerPixel * kPatchPixels + kUnexplainedPart * energy(t),
                                    static_cast<double>(kMaxPerPixel * kPatchPixels)));
 }
 
 bool resembles(const AlignmentResult& match, const PatchTemplate& t, const ResemblanceLimits& limits) {
-  const auto sum = static_cast<float>(t.sum);
-  const float energy = static_cast<float>(t.sum_squares) - sum * sum / kPatchPixels;
-  const float contrast = std::sqrt(std::max(0.0f, energy / kPatchPixels));
+  const auto contrast = static_cast<float>(std::sqrt(std::max(0.0, energy(t) / kPatchPixels)));
   return match.rms_residual < std::min(limits.max_rms, std::max(limits.noise_rms, limits.part * contrast));
 }
 

@@ -55,6 +55,14 @@ void prepare_alignment(const ImagePyramid& source, int source_level, const Eigen
 bool warp_source_patch_for_alignment(const ImagePyramid& source, int source_level, const Eigen::Vector2d& source_pixel,
                                      const Eigen::Matrix2d& A, int level, WarpedPatch* out);
 
+// The patch as it looks in another light: contrast times `gain` about its mean (clamped to what pixels hold in the
+// search template). The alignment template has to be ready.
+WarpedPatch with_gain(const WarpedPatch& patch, double gain);
+
+// By what the contrast of the 8x8 block around (x, y) differs from the template's, wherever in it the corner lies; 0
+// when the block leaves the image or the template is flat.
+double contrast_ratio(const PatchTemplate& t, const GreyImage& image, int x, int y);
+
 // What zero-mean SSD a match may have: a fixed part for noise and a part of the template's own contrast, so that a flat
 // template does not match everything and a strong one survives blur and gain.
 int zmssd_threshold(const PatchTemplate& t);

@@ -85,7 +85,7 @@ int DataAssociation::refine_new_points(SharedMap* map, int max_points, const Int
       std::optional<Measurement> m;
       if (predicted)
         m = measure_point(job.point, *job.source, *predicted, *target.images, options_.refind_radius_px,
-                          MeasurementSource::refind);
+                          MeasurementSource::refind, options_.other_light);
       if (predicted || m) findings.push_back({target.id, job.point.id, m});
     }
     done.push_back(job.point.id);
@@ -119,7 +119,7 @@ int DataAssociation::give_second_chances(SharedMap* map, const Interruption& sto
     std::optional<Measurement> m;
     if (predicted)
       m = measure_point(job->point, *job->source, *predicted, *target.images, options_.second_chance_radius_px,
-                        MeasurementSource::second_chance);
+                        MeasurementSource::second_chance, options_.other_light);
     findings.push_back({keyframe, point, m});
   }
   return commit(map, findings);

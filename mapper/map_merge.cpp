@@ -38,7 +38,9 @@ class MapMerge {
  public:
   MapMerge(const MapDocument& base, const MapDocument& other, const CameraModel& camera, const MapMergeOptions& options,
            const Interruption& stop)
-      : base_(base), other_(other), camera_(camera), options_(options), stop_(stop) {}
+      : base_(base), other_(other), camera_(camera), options_(options), stop_(stop) {
+    options_.mapper.other_light = true;
+  }
 
   std::optional<std::string> refused_at_once() const;
   std::optional<std::string> refused_for_scale(const SimilarityTransform& base_from_other) const;

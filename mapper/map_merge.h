@@ -21,7 +21,7 @@ struct MapMergeOptions {
   MapperOptions mapper;          // how points are measured, the map adjusted, and the bound of its keyframes
   double max_scale_error = 0.1;  // where both scales are known, they agree to this part
   int min_common_points = 40;    // measured from keyframes of both, after the adjustment
-  double min_found_part = 0.15;  // of the points of either looked for in keyframes of the other
+  double min_found_part = 0.2;   // of the points of either looked for in keyframes of the other
   double min_kept_part = 0.5;    // of the other map's measurements, after the adjustment
   std::uint64_t seed = 1;
 

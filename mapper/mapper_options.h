@@ -35,6 +35,9 @@ struct MapperOptions {
   // Measuring known points at their predicted place.
   double refind_radius_px = 4;           // pixels of the level
   double second_chance_radius_px = 1.5;  // pixels of the level (PTAM §6.4: "far tighter")
+  // What is not found as it was is looked for in another light too (measure_point): between maps made at different
+  // times. Within one session it finds little but weak matches.
+  bool other_light = false;
 
   // Adjustment (PTAM §6.3).
   int local_keyframes = 5;  // the newest and the four nearest

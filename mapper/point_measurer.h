@@ -21,9 +21,10 @@ std::optional<PredictedPatch> predict_patch(const CameraModel& camera, const Map
                                             const RigidTransform& target_from_world);
 
 // The measurement, or nothing when no patch within `radius_px` (pixels of the target level) of the prediction is alike.
-// `source` and `target` are the images of the point's source and of the keyframe it is looked for in.
+// `source` and `target` are the images of the point's source and of the keyframe it is looked for in. `other_light`:
+// what is not found as it was is looked for with the contrast that the image has there, up to 2.5 times less or more.
 std::optional<Measurement> measure_point(const MapPoint& point, const FrameImages& source,
                                          const PredictedPatch& predicted, const FrameImages& target, double radius_px,
-                                         MeasurementSource how);
+                                         MeasurementSource how, bool other_light = false);
 
 }  // namespace parallax

@@ -62,7 +62,7 @@ int remeasure_points(SharedMap* map, const CameraModel& camera, const MapperOpti
         if (!predicted) continue;
         predicted->pixel = view.measurement.pixel;
         const auto m = measure_point(job.point, *job.source, *predicted, *view.images, options.second_chance_radius_px,
-                                     view.measurement.source);
+                                     view.measurement.source, options.other_light);
         if (m) findings.push_back({view.id, view.measurement.pixel, *m});
       }
     }

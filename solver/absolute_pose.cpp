@@ -171,6 +171,40 @@ std::size_t best_matches(std::size_t n, int k, int hypotheses) {
   return std::min(n, kFirst + 2 * (n - kFirst) * static_cast<std::size_t>(k) / static_cast<std::size_t>(hypotheses));
 }
 
+// Draws three different ones of the first `from` matches, alike in how they turn where that is known.
+class TripleSampler {
+ public:
+  TripleSampler(std::vector<double> turns, double max_difference)
+      : turns_(std::move(turns)), max_difference_(max_difference) {}
+
+  // False when nothing goes with the first.
+  bool draw(std::size_t from, std::mt19937_64* rng, std::array<std::size_t, 3>* pick) {
+    if (turns_.empty()) {
+      *pick = {(*rng)() % from, (*rng)() % (from - 1), (*rng)() % (from - 2)};
+      if ((*pick)[1] >= (*pick)[0]) ++(*pick)[1];
+      for (std::size_t other : {std::min((*pick)[0], (*pick)[1]), std::max((*pick)[0], (*pick)[1])})
+        if ((*pick)[2] >= other) ++(*pick)[2];
+      return true;
+    }
+    const std::size_t first = (*rng)() % from;
+    alike_.clear();
+    for (std::size_t i = 0; i < from; ++i)
+      if (i != first && std::abs(std::remainder(turns_[i] - turns_[first], 2 * M_PI)) <= max_difference_)
+        alike_.push_back(i);
+    if (alike_.size() < 2) return false;
+    const std::size_t second = (*rng)() % alike_.size();
+    std::size_t third = (*rng)() % (alike_.size() - 1);
+    third += third >= second ? 1 : 0;
+    *pick = {first, alike_[second], alike_[third]};
+    return true;
+  }
+
+ private:
+  std::vector<double> turns_;
+  double max_difference_;
+  std::vector<std::size_t> alike_;
+};
+
 }  // namespace
 
 int solve_three_points(const std::array<Eigen::Vector3d, 3>& points, const std::array<Eigen::Vector3d, 3>& rays,
@@ -252,14 +286,17 @@ AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<con
   AbsolutePoseSummary summary;
   std::vector<PoseObservation> usable;
   std::vector<Eigen::Vector3d> rays;
+  std::vector<double> turns;
   QuickCount quick;
   double by_chance = 0;  // inliers of a pose that has nothing to do with the image
   const double area = static_cast<double>(camera.width()) * camera.height();
-  for (const PoseObservation& m : matches) {
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    const PoseObservation& m = matches[i];
     Eigen::Vector3d ray;
     if (!m.point.allFinite() || !m.pixel.allFinite() || !(m.sigma_px > 0) || !camera.unproject(m.pixel, &ray)) continue;
     usable.push_back(m);
     rays.push_back(ray);
+    if (!options.turns.empty()) turns.push_back(options.turns[i]);
     const double limit = options.inlier_sigmas * m.sigma_px;
     by_chance += std::min(1.0, M_PI * limit * limit / area);
     quick.add(m.point, ray, limit * ray_length_of_pixel(camera, m.pixel, ray));
@@ -281,13 +318,11 @@ AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<con
   RigidTransform best;
   int most = 0, tried = 0;
   double needed = options.max_hypotheses;
+  TripleSampler sampler(std::move(turns), options.max_turn_difference);
   for (int k = 0; k < options.max_hypotheses && k < needed; ++k) {
     const std::size_t from = options.best_first ? best_matches(n, k, options.max_hypotheses) : n;
-    // Three different ones.
-    std::array<std::size_t, 3> pick = {(*rng)() % from, (*rng)() % (from - 1), (*rng)() % (from - 2)};
-    if (pick[1] >= pick[0]) ++pick[1];
-    for (std::size_t other : {std::min(pick[0], pick[1]), std::max(pick[0], pick[1])})
-      if (pick[2] >= other) ++pick[2];
+    std::array<std::size_t, 3> pick;
+    if (!sampler.draw(from, rng, &pick)) continue;
     std::array<RigidTransform, 4> poses;
     const int solutions = solve_three_points({usable[pick[0]].point, usable[pick[1]].point, usable[pick[2]].point},
                                              {rays[pick[0]], rays[pick[1]], rays[pick[2]]}, &poses);

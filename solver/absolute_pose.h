@@ -24,6 +24,11 @@ struct AbsolutePoseOptions {
   // The matches come best first: hypotheses are made of the best ones first, of all from the middle on (after PROSAC,
   // Chum and Matas, CVPR 2005).
   bool best_first = false;
+  // Empty, or for each match by what angle the image has turned between where the point was described and here
+  // (radians, any number of full turns): those that one pose explains turn alike, so that hypotheses are made of three
+  // that differ from the first of them by max_turn_difference at most.
+  std::span<const double> turns;
+  double max_turn_difference = 0.5;
   double inlier_sigmas = 4.0;  // a match agrees within so many of its own sigma_px
   int min_inliers = 12;
   // Probability that as many matches agree by chance, over all hypotheses tried, above which the pose is refused

@@ -20,6 +20,7 @@ struct FrameCorner {
   BinaryDescriptor descriptor;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // level 0
   int level = 0;
+  std::uint8_t orientation = 0;
 };
 
 std::vector<FrameCorner> describe_frame(const FrameImages& frame) {
@@ -48,7 +49,7 @@ std::vector<FrameCorner> describe_frame(const FrameImages& frame) {
     for (const Scored& s : scored) {
       if (taken >= kCorners[level]) break;
       FrameCorner corner;
-      if (!describe_corner(image, smooth, s.corner.x, s.corner.y, &corner.descriptor)) continue;
+      if (!describe_corner(image, smooth, s.corner.x, s.corner.y, &corner.descriptor, &corner.orientation)) continue;
       corner.pixel = level_to_level0(Eigen::Vector2d(s.corner.x, s.corner.y), level);
       corner.level = level;
       out.push_back(corner);
@@ -95,23 +96,28 @@ bool PointMatcher::prepare(const TrackingSnapshot& map, int max_keyframes) {
       entry.source = source.id;
       entry.source_level = level;
       entry.source_pixel = map.source_pixel[row];
-      entry.ok = describe_corner(image, smooth[level], static_cast<int>(std::lround(entry.source_pixel.x())),
-                                 static_cast<int>(std::lround(entry.source_pixel.y())), &entry.descriptor);
+      entry.ok =
+          describe_corner(image, smooth[level], static_cast<int>(std::lround(entry.source_pixel.x())),
+                          static_cast<int>(std::lround(entry.source_pixel.y())), &entry.descriptor, &entry.orientation);
       described_[map.id[row].index] = entry;
     }
   }
   return done > 0;
 }
 
-std::vector<PoseObservation> PointMatcher::match(const TrackingSnapshot& map, const FrameImages& frame) const {
+std::vector<PoseObservation> PointMatcher::match(const TrackingSnapshot& map, const FrameImages& frame,
+                                                 std::vector<double>* turns) const {
+  if (turns) turns->clear();
   if (map.map_version != map_version_) return {};
   std::vector<BinaryDescriptor> descriptors;
   std::vector<int> rows;
+  std::vector<std::uint8_t> orientations;
   for (int row = 0; row < map.size(); ++row) {
     const auto it = described_.find(map.id[row].index);
     if (it == described_.end() || !it->second.ok || !is_current(it->second, map, row)) continue;
     descriptors.push_back(it->second.descriptor);
     rows.push_back(row);
+    orientations.push_back(it->second.orientation);
   }
   if (rows.empty()) return {};
   const DescriptorSet points(descriptors);
@@ -154,6 +160,7 @@ std::vector<PoseObservation> PointMatcher::match(const TrackingSnapshot& map, co
   for (const std::size_t p : matched) {
     const FrameCorner& corner = corners[static_cast<std::size_t>(best_of_point[p].corner)];
     out.push_back({map.position[rows[p]], corner.pixel, level_scale(corner.level)});
+    if (turns) turns->push_back(2 * M_PI / kDescriptorOrientations * (corner.orientation - orientations[p]));
   }
   return out;
 }

@@ -21,8 +21,10 @@ class PointMatcher {
   bool prepare(const TrackingSnapshot& map, int max_keyframes);
 
   // One-to-one matches of described points with the frame's corners: nearest descriptor, clearly nearer than that of
-  // any point of another place; best first. The standard deviation is one pixel of the corner's level.
-  std::vector<PoseObservation> match(const TrackingSnapshot& map, const FrameImages& frame) const;
+  // any point of another place; best first. The standard deviation is one pixel of the corner's level. `turns`, when
+  // given, receives by what angle each has turned in the image since it was described (radians, x towards y).
+  std::vector<PoseObservation> match(const TrackingSnapshot& map, const FrameImages& frame,
+                                     std::vector<double>* turns = nullptr) const;
 
   void clear() { described_.clear(); }
 
@@ -32,6 +34,7 @@ class PointMatcher {
     int source_level = 0;
     Eigen::Vector2f source_pixel = Eigen::Vector2f::Zero();
     BinaryDescriptor descriptor;
+    std::uint8_t orientation = 0;
     bool ok = false;
   };
   bool is_current(const Described& entry, const TrackingSnapshot& map, int row) const;

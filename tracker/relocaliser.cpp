@@ -24,6 +24,8 @@ double variance(const SmallBlurryImage& image) {
 
 // Keyframes whose points are described in one frame, so that a frame's time stays bounded.
 constexpr int kDescribedKeyframes = 6;
+// Matches that must agree with a pose by descriptors for it to be looked at; that they do not by chance is asked apart.
+constexpr int kMinAgreeing = 9;
 
 struct Scored {
   double difference;
@@ -55,10 +57,13 @@ bool Relocaliser::try_pose(const TrackingSnapshot& map, const FrameImages& frame
 bool Relocaliser::recover_by_descriptors(const TrackingSnapshot& map, const FrameImages& frame,
                                          TwoStageTracker* tracker, TwoStageResult* accepted) {
   matcher_.prepare(map, kDescribedKeyframes);
-  const std::vector<PoseObservation> matches = matcher_.match(map, frame);
+  std::vector<double> turns;
+  const std::vector<PoseObservation> matches = matcher_.match(map, frame, &turns);
   RigidTransform pose;
   AbsolutePoseOptions pose_options;
   pose_options.best_first = true;
+  pose_options.turns = turns;
+  pose_options.min_inliers = kMinAgreeing;
   if (!solve_absolute_pose(camera_, matches, pose_options, &rng_, &pose).ok) return false;
   return try_pose(map, frame, pose, false, tracker, accepted);
 }

@@ -41,7 +41,8 @@ struct View {
   double turn = 0, scale = 1, noise = 0, gain = 1, offset = 0;
 };
 
-BinaryDescriptor describe(const Place& place, const View& view, std::uint32_t noise_seed = 1) {
+BinaryDescriptor describe(const Place& place, const View& view, std::uint32_t noise_seed = 1,
+                          std::uint8_t* orientation = nullptr) {
   std::mt19937 random(noise_seed);
   std::normal_distribution<double> gauss;
   ExactImage out(kSize, kSize, 3);
@@ -51,7 +52,7 @@ BinaryDescriptor describe(const Place& place, const View& view, std::uint32_t no
     return view.gain * place(c * x + s * y, -s * x + c * y) + view.offset + view.noise * gauss(random);
   });
   BinaryDescriptor d;
-  EXPECT_TRUE(describe_corner(out.image, smooth_for_descriptors(out.image), kCentre, kCentre, &d));
+  EXPECT_TRUE(describe_corner(out.image, smooth_for_descriptors(out.image), kCentre, kCentre, &d, orientation));
   return d;
 }
 
@@ -101,6 +102,20 @@ TEST(Hamming, CountsDifferingBits) {
 TEST(BinaryDescriptor, SurvivesTurns) {
   for (int degrees = 0; degrees < 360; degrees += 24)
     expect_recognised({.turn = degrees * M_PI / 180, .noise = 1}, ("turn " + std::to_string(degrees)).c_str(), 60);
+}
+
+TEST(BinaryDescriptor, TheOrientationTurnsWithTheImage) {
+  for (int turned = 0; turned < kDescriptorOrientations; turned += 5) {
+    int near = 0;
+    for (std::uint32_t place = 0; place < 20; ++place) {
+      std::uint8_t before = 0, now = 0;
+      describe(Place(100 + place), {}, 1, &before);
+      describe(Place(100 + place), {.turn = 2 * M_PI * turned / kDescriptorOrientations}, 1, &now);
+      const int off = (now - before - turned + 2 * kDescriptorOrientations) % kDescriptorOrientations;
+      near += std::min(off, kDescriptorOrientations - off) <= 1 ? 1 : 0;
+    }
+    EXPECT_GE(near, 18) << turned;
+  }
 }
 
 TEST(BinaryDescriptor, SurvivesNoiseLightAndScale) {

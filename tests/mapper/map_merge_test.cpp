@@ -22,10 +22,10 @@ std::shared_ptr<const Vocabulary> shipped_words() {
 // A session at the desk: four views, a plane, and a label on the table at `label` (metres of the true world); its world
 // is its own.
 MapDocument desk_session(double x, double turn, const Eigen::Vector3d& label, const SimilarityTransform& own_from_true,
-                         unsigned seed, const std::string& scene = "desk") {
+                         unsigned seed, const std::string& scene = "desk", double light = 1) {
   std::vector<RigidTransform> poses;
   for (int i = 0; i < 4; ++i) poses.push_back(test::above_desk(x + 0.05 * i, turn, 0.68));
-  test::RenderedViews views(poses, scene);
+  test::RenderedViews views(poses, scene, 1.0, test::small_camera(), light);
   MapDocument out;
   out.map = test::true_map(&views, {0, 1, 2, 3}, 100);
   std::mt19937_64 rng(seed);
@@ -120,6 +120,18 @@ TEST(MapMerge, TwoSessionsOfOneDeskBecomeOne) {
     const Eigen::Vector3d now = truth * all.map.keyframes.at({0, 4 + kf.id.index}).centre();
     EXPECT_LT((now - world_of_b().inverse() * kf.centre()).norm(), 0.005);
   }
+}
+
+// The other session saw the desk by 60 percent of the light.
+TEST(MapMerge, AnotherLightIsNoOtherPlace) {
+  const MapDocument dim = desk_session(-0.02, 0.12, kLabelOfB, world_of_b(), 2, "desk", 0.6);
+  const MapMergeResult same = merged(session_a(), session_b()), result = merged(session_a(), dim);
+  ASSERT_TRUE(same.merged && result.merged) << result.reason;
+  std::printf("found of what was looked for: %.2f, %.2f in the same light\n", result.found_part, same.found_part);
+  EXPECT_GT(result.found_part, 0.8 * same.found_part);
+  EXPECT_GT(result.common_points, 0.8 * same.common_points);
+  const SimilarityTransform truth = true_from(result.document, session_a(), {});
+  EXPECT_LT((truth * result.document.content[1].position() - kLabelOfB).norm(), 0.005);
 }
 
 TEST(MapMerge, TheOtherWayRoundItIsTheSameMap) {

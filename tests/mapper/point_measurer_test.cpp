@@ -76,6 +76,38 @@ TEST(PointMeasurer, APredictionALittleOffIsCorrected) {
   EXPECT_GT(right, 0.75 * tried);
 }
 
+// Half the light, or half as much again: what was found is found again at the same place; only when asked for.
+TEST(PointMeasurer, AnotherLightIsSeenThrough) {
+  const CameraModel& camera = desk_views().camera();
+  for (double light : {0.5, 1.5}) {
+    GreyImage lit;
+    desk_views().frame(3).grey.convertTo(lit, -1, light, light < 1 ? 20 : -20);
+    const auto image = test::features_of(lit);
+    int in_the_same = 0, without = 0, with = 0;
+    std::vector<double> apart;
+    for (const MapPoint& p : map().points) {
+      const auto predicted =
+          predict_patch(camera, p, desk_views().camera_from_world(2), desk_views().camera_from_world(3));
+      if (!predicted) continue;
+      const auto look = [&](const FrameImages& target, bool other_light) {
+        return measure_point(p, *desk_views().images(2), *predicted, target, 4, MeasurementSource::refind, other_light);
+      };
+      const auto same = look(*desk_views().images(3), false), found = look(*image, true);
+      in_the_same += same ? 1 : 0;
+      without += look(*image, false) ? 1 : 0;
+      with += found ? 1 : 0;
+      if (same && found) apart.push_back((same->pixel - found->pixel).norm() / level_scale(same->level));
+    }
+    std::printf("light %.1f: %d, %d without and %d with\n", light, in_the_same, without, with);
+    ASSERT_GT(in_the_same, 50);
+    EXPECT_LT(without, 0.8 * in_the_same);
+    EXPECT_GT(with, 0.9 * in_the_same);
+    std::sort(apart.begin(), apart.end());
+    EXPECT_LT(apart[apart.size() / 2], 0.05);
+    EXPECT_LT(apart[apart.size() * 9 / 10], 0.3);
+  }
+}
+
 TEST(PointMeasurer, WhatCannotBeSeenIsNotPredicted) {
   const CameraModel& camera = desk_views().camera();
   const RigidTransform source = desk_views().camera_from_world(2);
@@ -101,7 +133,9 @@ TEST(PointMeasurer, NothingIsFoundInABlankImage) {
     const auto predicted =
         predict_patch(camera, p, desk_views().camera_from_world(2), desk_views().camera_from_world(3));
     if (predicted) {
-      EXPECT_FALSE(measure_point(p, *desk_views().images(2), *predicted, *blank, 4, MeasurementSource::refind));
+      for (bool other_light : {false, true})
+        EXPECT_FALSE(
+            measure_point(p, *desk_views().images(2), *predicted, *blank, 4, MeasurementSource::refind, other_light));
     }
   }
 }

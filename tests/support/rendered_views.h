@@ -56,7 +56,7 @@ inline std::vector<RigidTransform> slide(int n, double step, double start = -0.0
 class RenderedViews {
  public:
   explicit RenderedViews(std::vector<RigidTransform> world_from_camera, const std::string& scene = "desk",
-                         double noise = 1.0, const CameraModel& camera = small_camera())
+                         double noise = 1.0, const CameraModel& camera = small_camera(), double light = 1)
       : poses_(std::move(world_from_camera)) {
     SyntheticOptions options;
     options.scene = scene;
@@ -64,6 +64,7 @@ class RenderedViews {
     options.camera = camera;
     options.exposure_s = 0;
     options.noise = noise;
+    options.light = light;
     options.vignetting = 0;
     SyntheticMotion motion;
     motion.world_from_camera = [poses = poses_](int frame, double) {

@@ -109,7 +109,12 @@ TEST(PointMatcher, MatchesATurnedImage) {
   prepare_all(&matcher, *d.snapshot);
   GreyImage upside_down;
   cv::flip(d.source->frame(75).grey, upside_down, -1);
-  auto matches = matcher.match(*d.snapshot, *features_of(upside_down));
+  std::vector<double> turns;
+  auto matches = matcher.match(*d.snapshot, *features_of(upside_down), &turns);
+  ASSERT_EQ(turns.size(), matches.size());
+  int by_half = 0;
+  for (double turn : turns) by_half += std::abs(std::remainder(turn - M_PI, 2 * M_PI)) < 0.5 ? 1 : 0;
+  EXPECT_GE(by_half, 0.6 * static_cast<double>(turns.size()));
   for (PoseObservation& m : matches) m.pixel = Eigen::Vector2d(d.camera.width() - 1, d.camera.height() - 1) - m.pixel;
   EXPECT_GE(matches.size(), 30u);
   EXPECT_GE(right_matches(matches, d.camera, d.source->world_from_camera(75).inverse()), 0.6 * matches.size());
