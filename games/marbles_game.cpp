@@ -153,7 +153,7 @@ void MarblesGame::lift_marbles_out() {
         const Eigen::Vector3f nearest = marble.position.cwiseMax(least).cwiseMin(most);
         if ((marble.position - nearest).norm() > kMarbleRadius - kInside) continue;
         if (marble.position.z() >= box.height + kMarbleRadius - kInside) continue;
-        if (marble.position.z() < least.z()) continue;  // under the table, on its way down
+        if (marble.position.z() < 0) continue;  // over the edge, on its way down
         marble.position.z() = box.height + kMarbleRadius;
         lifted = true;
       }

@@ -85,7 +85,11 @@ struct MarblePhysics::World {
     body->setAngularVelocity(to_bullet(marble.spin));
     body->setActivationState(DISABLE_DEACTIVATION);
     body->setContactProcessingThreshold(kContactFrom);
-    dynamics.addRigidBody(body.get());
+    // One that is over the edge falls past whatever grows there: taken for one inside the table, it would come up in
+    // it.
+    const bool over_the_edge = marble.position.z() < 0;
+    dynamics.addRigidBody(body.get(), btBroadphaseProxy::DefaultFilter,
+                          over_the_edge ? 0 : btBroadphaseProxy::AllFilter);
     body->setGravity(to_bullet(gravity));
     marbles.push_back(std::move(body));
   }
