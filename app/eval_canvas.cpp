@@ -3,9 +3,9 @@
 #include <cmath>
 #include <filesystem>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "app/png_bytes.h"
 #include "app/svg_sheet.h"
 #include "core/error.h"
 #include "core/file_io.h"
@@ -46,12 +46,7 @@ class PngCanvas : public Canvas {
     if (!there.empty()) picture(there - corner).copyTo(image_(there));
   }
 
-  void save(const std::string& path) const override {
-    const std::vector<unsigned char> bytes = png_bytes(image_, path);
-    write_file_atomically(path, [&](std::ostream& file) {
-      file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    });
-  }
+  void save(const std::string& path) const override { write_file_atomically(path, png_bytes(image_, path)); }
 
  private:
   static cv::Scalar scalar(CanvasColour c) { return {double(c.blue), double(c.green), double(c.red)}; }
@@ -62,12 +57,6 @@ class PngCanvas : public Canvas {
 std::string extension(const std::string& path) { return std::filesystem::path(path).extension().string(); }
 
 }  // namespace
-
-std::vector<unsigned char> png_bytes(const cv::Mat& image, const std::string& name) {
-  std::vector<unsigned char> bytes;
-  if (!cv::imencode(".png", image, bytes)) throw RunError(name + ": cannot be encoded as PNG");
-  return bytes;
-}
 
 void check_canvas_path(const std::string& path) {
   if (extension(path) == ".svg" || extension(path) == ".png") return;

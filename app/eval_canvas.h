@@ -32,8 +32,6 @@ class Canvas {
   virtual void save(const std::string& path) const = 0;
 };
 
-// Throws RunError ("NAME: ...").
-std::vector<unsigned char> png_bytes(const cv::Mat& image, const std::string& name);
 // Throws InputError unless the path ends in .svg or .png.
 void check_canvas_path(const std::string& path);
 std::unique_ptr<Canvas> make_canvas(const std::string& path, int width_px, int height_px);

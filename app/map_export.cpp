@@ -2,9 +2,9 @@
 
 #include <filesystem>
 #include <iomanip>
-#include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
+#include "app/png_bytes.h"
 #include "camera/calibration_file.h"
 #include "core/error.h"
 #include "core/file_io.h"
@@ -65,11 +65,8 @@ std::string camera_line(const CameraModel& camera) {
 void write_keyframe_images(const Map& map, const std::string& folder) {
   const std::filesystem::path to = made_folder(folder);
   for (const Keyframe& kf : map.keyframes) {
-    std::vector<std::uint8_t> png;
-    cv::imencode(".png", kf.images->pyramid.level[0], png);
-    write_file_atomically((to / image_name(kf.id)).string(), [&](std::ostream& out) {
-      out.write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
-    });
+    const std::string file = (to / image_name(kf.id)).string();
+    write_file_atomically(file, png_bytes(kf.images->pyramid.level[0], file));
   }
 }
 

@@ -7,9 +7,9 @@
 #include <iomanip>
 #include <map>
 #include <memory>
-#include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
+#include "app/png_bytes.h"
 #include "app/progress_bar.h"
 #include "core/error.h"
 #include "core/file_io.h"
@@ -220,11 +220,8 @@ void SessionExporter::write_images(const std::string& folder) {
       if (written++ == 0 || !fs::exists(to / session_file_name(document_, session)))
         made_session_folder(to / session_file_name(document_, session));
       for (const bool is_left : {true, false}) {
-        std::vector<std::uint8_t> png;
-        cv::imencode(".png", is_left ? left : right, png);
-        write_file_atomically((to / image_name(pose.key, is_left ? "left" : "right")).string(), [&](std::ostream& out) {
-          out.write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
-        });
+        const std::string file = (to / image_name(pose.key, is_left ? "left" : "right")).string();
+        write_file_atomically(file, png_bytes(is_left ? left : right, file));
       }
     }
   if (written == 0) throw RunError(folder + ": cannot be written: no images were kept of these sessions");

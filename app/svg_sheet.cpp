@@ -6,6 +6,7 @@
 #include <iomanip>
 
 #include "app/base64.h"
+#include "app/png_bytes.h"
 #include "core/file_io.h"
 
 namespace parallax {

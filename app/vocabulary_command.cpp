@@ -10,6 +10,7 @@
 #include "app/progress_bar.h"
 #include "app/source.h"
 #include "core/error.h"
+#include "core/file_io.h"
 #include "place/place_features.h"
 #include "place/vocabulary.h"
 #include "render/synthetic_source.h"
@@ -31,6 +32,7 @@ void print_info(const Vocabulary& vocabulary, const std::string& path) {
 
 void train(const TrainArguments& args) {
   args.options.validate();
+  check_can_be_written(args.output);
   PlaceFeatureOptions feature_options;
   feature_options.count = args.features;
   std::vector<std::vector<BinaryDescriptor>> images;
@@ -64,6 +66,7 @@ struct MatchingArguments {
 };
 
 void train_matching_weights(const MatchingArguments& args) {
+  check_can_be_written(args.output);
   const auto vocabulary = args.vocabulary.empty()
                               ? place_vocabulary()
                               : std::make_shared<const Vocabulary>(Vocabulary::load(args.vocabulary));

@@ -116,6 +116,32 @@ int create_beside(const std::string& target, std::string* name) {
   return -1;
 }
 
+// What a name stands for that is to be written to.
+struct Output {
+  struct stat status {};
+  bool exists = false;
+
+  bool is_regular() const { return S_ISREG(status.st_mode); }
+  // Behind a symbolic link it is the file that is replaced, not the link.
+  std::string target(const std::string& path) const {
+    if (!exists) return path;
+    std::error_code error;
+    const std::filesystem::path real = std::filesystem::canonical(path, error);
+    return error ? path : real.string();
+  }
+};
+
+// Throws for what can never be written.
+Output look_at(const std::string& path) {
+  if (path.empty()) throw write_error("''", "the name is empty");
+  Output out;
+  out.exists = ::stat(path.c_str(), &out.status) == 0;
+  if (out.exists && S_ISDIR(out.status.st_mode)) throw write_error(path, "it is a folder, expected a file");
+  // A file that may not be written is not to be replaced by one that may.
+  if (out.exists && out.is_regular() && ::access(path.c_str(), W_OK) != 0) throw write_error(path, reason_of(errno));
+  return out;
+}
+
 }  // namespace
 
 std::string read_text_file(const std::string& path) {
@@ -150,37 +176,40 @@ std::string read_text_file(const std::string& path) {
 }
 
 void write_file_atomically(const std::string& path, const std::function<void(std::ostream&)>& write) {
-  namespace fs = std::filesystem;
-  if (path.empty()) throw write_error("''", "the name is empty");
-  struct stat status {};
-  const bool exists = ::stat(path.c_str(), &status) == 0;
-  if (exists && S_ISDIR(status.st_mode)) throw write_error(path, "it is a folder, expected a file");
-  if (exists && !S_ISREG(status.st_mode)) {
+  const Output output = look_at(path);
+  if (output.exists && !output.is_regular()) {
     FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
     if (file.get() < 0) throw write_error(path, reason_of(errno));
     write_and_close(file, false, path, write);
     return;
   }
-  // A file that may not be written is not to be replaced by one that may.
-  if (exists && ::access(path.c_str(), W_OK) != 0) throw write_error(path, reason_of(errno));
-  // Behind a symbolic link it is the file that is replaced, not the link.
-  std::string target = path;
-  if (exists) {
-    std::error_code error;
-    const fs::path real = fs::canonical(path, error);
-    if (!error) target = real.string();
-  }
+  const std::string target = output.target(path);
   std::string beside;
   FileDescriptor file(create_beside(target, &beside));
   if (file.get() < 0) throw write_error(path, reason_of(errno));
   try {
-    if (exists) (void)!::fchmod(file.get(), status.st_mode & 07777);
+    if (output.exists) (void)!::fchmod(file.get(), output.status.st_mode & 07777);
     write_and_close(file, true, path, write);
     if (std::rename(beside.c_str(), target.c_str()) != 0) throw write_error(path, reason_of(errno));
   } catch (...) {
     ::unlink(beside.c_str());
     throw;
   }
+}
+
+void write_file_atomically(const std::string& path, std::span<const std::uint8_t> bytes) {
+  write_file_atomically(path, [&](std::ostream& file) {
+    file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  });
+}
+
+void check_can_be_written(const std::string& path) {
+  const Output output = look_at(path);
+  if (output.exists && !output.is_regular()) return;
+  std::string beside;
+  const FileDescriptor file(create_beside(output.target(path), &beside));
+  if (file.get() < 0) throw write_error(path, reason_of(errno));
+  ::unlink(beside.c_str());
 }
 
 }  // namespace parallax

@@ -4,8 +4,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "core/error.h"
 
@@ -50,6 +54,29 @@ TEST_F(FileIo, RoundTripOfEverySizeAroundTheBuffer) {
     EXPECT_EQ(read_text_file(path("a")), text) << size;
   }
   EXPECT_EQ(entries(), 1u);
+}
+
+TEST_F(FileIo, BytesAreWrittenAsTheyAre) {
+  const std::vector<std::uint8_t> bytes = {0, 255, 10, 13, 0, 7};
+  write_file_atomically(path("a"), bytes);
+  EXPECT_EQ(read_text_file(path("a")), std::string(bytes.begin(), bytes.end()));
+  write_file_atomically(path("a"), std::span<const std::uint8_t>());
+  EXPECT_EQ(fs::file_size(path("a")), 0u);
+}
+
+TEST_F(FileIo, WhatCannotBeWrittenIsToldBefore) {
+  check_can_be_written(path("new"));
+  EXPECT_EQ(entries(), 0u) << "nothing is left behind";
+  write_text(path("old"), "kept");
+  check_can_be_written(path("old"));
+  check_can_be_written("/dev/null");
+  EXPECT_EQ(read_text_file(path("old")), "kept");
+  EXPECT_EQ(entries(), 1u);
+  EXPECT_EQ(message_of<RunError>([&] { check_can_be_written(path("no/new")); }),
+            path("no/new") + ": cannot be written: No such file or directory");
+  EXPECT_EQ(message_of<RunError>([&] { check_can_be_written(folder_.string()); }),
+            folder_.string() + ": cannot be written: it is a folder, expected a file");
+  EXPECT_EQ(message_of<RunError>([&] { check_can_be_written(""); }), "'': cannot be written: the name is empty");
 }
 
 TEST_F(FileIo, ReadErrorsNameTheFileAndTheReason) {
