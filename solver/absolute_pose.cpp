@@ -3,6 +3,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "core/check.h"
 
 namespace parallax {
 namespace {
@@ -283,6 +286,8 @@ int solve_three_points(const std::array<Eigen::Vector3d, 3>& points, const std::
 AbsolutePoseSummary solve_absolute_pose(const CameraModel& camera, std::span<const PoseObservation> matches,
                                         const AbsolutePoseOptions& options, std::mt19937_64* rng,
                                         RigidTransform* camera_from_world) {
+  PARALLAX_CHECK(options.turns.empty() || options.turns.size() == matches.size(),
+                 "absolute pose: a turn for each match");
   AbsolutePoseSummary summary;
   std::vector<PoseObservation> usable;
   std::vector<Eigen::Vector3d> rays;
