@@ -73,7 +73,6 @@ TEST(RealtimeReplay, ResetsEditsAndKeysAreReplayed) {
   std::future<EditReply> scaled, replaned, seeded;
   std::future<void> reset;
   int presses = 0;
-  std::optional<RigidTransform> before;
   const RunResult live = run_live(recorder_to(path), options, [&](LiveSession* session, const LiveFrame& frame) {
     const int index = frame.frame.index;
     const auto once_at = [&](int at, bool done) { return index >= at && !done; };
