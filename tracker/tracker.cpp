@@ -105,6 +105,7 @@ void Tracker::follow_map_changes(const Frame& frame, const TrackingSnapshot& map
     seen_from_ = KeyframeId();
     counts_.clear();
     touched_.clear();
+    trust_.clear();
     two_stage_.clear_cache();
     relocaliser_.clear();
     if (map.empty()) initialisation_.reset();  // the user's reset drops the trails too
@@ -143,6 +144,8 @@ void Tracker::track_map(const Frame& frame, const TrackingSnapshot& map, Trackin
   request.prior = predicted;
   request.coarse_radius_px = options_.coarse_radius_px;
   request.fine_radius_px = options_.fine_radius_px;
+  request.out_of_place = &trust_.out_of_place(map);
+  request.turn = frame.index;
   request.coarse = bad_frames_ > 0 || !motion_.is_nearly_still(scene_depth_, options_.coarse_skip_below_px);
   two_stage_.track(map, *images_, request, &result_);
   TrackingQuality quality = assess_quality(result_, options_);
@@ -166,6 +169,7 @@ void Tracker::track_map(const Frame& frame, const TrackingSnapshot& map, Trackin
     return;
   }
   accept(frame, result_.camera_from_world, out);
+  trust_.update(result_, map);
   note_keyframe(result_, map);
   count_points(result_, map);
   most_found_ = std::max(most_found_, out->total_found());
@@ -188,6 +192,7 @@ void Tracker::recover(const Frame& frame, const TrackingSnapshot& map, TrackingR
   motion_.reset(result_.camera_from_world, frame.time);
   out->quality = TrackingQuality::poor;
   accept(frame, result_.camera_from_world, out);
+  trust_.clear();  // wherever the camera is now, it was recognised by what is in place
   note_keyframe(result_, map);
   last_keyframe_frame_ = frame.index;
 }
@@ -228,7 +233,7 @@ void Tracker::note_keyframe(const TwoStageResult& result, const TrackingSnapshot
   if (most != found.end()) seen_from_ = map.keyframes[static_cast<std::size_t>(most - found.begin())].id;
 }
 
-bool Tracker::wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out) const {
+bool Tracker::wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out) {
   const bool young = static_cast<int>(map.keyframes.size()) < options_.young_keyframes;
   const int found = out.total_found();
   const bool leaving = found < options_.leaving_points || found < options_.leaving_part * most_found_;
@@ -239,7 +244,10 @@ bool Tracker::wants_keyframe(const Frame& frame, const TrackingSnapshot& map, co
   const RigidTransform world_from_camera = out.camera_from_world->inverse();
   // Nearest keyframe in position, turning counted as if it moved the view at the scene's depth.
   double nearest = std::numeric_limits<double>::infinity();
-  for (const SnapshotKeyframe& kf : map.keyframes) {
+  const std::vector<std::uint8_t>& out_of_place = trust_.out_of_place(map);
+  for (std::size_t row = 0; row < map.keyframes.size(); ++row) {
+    if (out_of_place[row]) continue;  // near only as the map has it
+    const SnapshotKeyframe& kf = map.keyframes[row];
     const double distance = (kf.centre - world_from_camera.t).norm() / scene_depth_;
     const double angle = (kf.camera_from_world * world_from_camera).angle();
     nearest = std::min(nearest, distance + options_.keyframe_distance_over_depth * angle / options_.keyframe_angle_rad);
@@ -287,6 +295,11 @@ void Tracker::count_points(const TwoStageResult& result, const TrackingSnapshot&
     PointCount& count = entry(m.row);
     ++count.found;
     if (m.weight <= 0) ++count.outliers;
+  }
+  for (const ProbedPoint& p : result.probed) {
+    PointCount& count = entry(p.row);
+    if (p.found) ++count.found;
+    if (p.found && !p.agrees) ++count.outliers;
   }
   bool due = false;
   for (std::int32_t index : touched_) due = due || counts_[index].searched >= kCountInterval_frames;

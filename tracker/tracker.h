@@ -12,6 +12,7 @@
 #include "tracker/initialisation.h"
 #include "tracker/motion_model.h"
 #include "tracker/relocaliser.h"
+#include "tracker/source_trust.h"
 #include "tracker/tracker_options.h"
 #include "tracker/tracking_types.h"
 #include "tracker/two_stage.h"
@@ -45,7 +46,7 @@ class Tracker {
   void report(const TwoStageResult& result, const TrackingSnapshot& map, TrackingResult* out);
   void accept(const Frame& frame, const RigidTransform& pose, TrackingResult* out);
   void note_keyframe(const TwoStageResult& result, const TrackingSnapshot& map);
-  bool wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out) const;
+  bool wants_keyframe(const Frame& frame, const TrackingSnapshot& map, const TrackingResult& out);
   void propose_keyframe(const Frame& frame, const TrackingSnapshot& map, const TwoStageResult& result,
                         TrackingResult* out);
   void count_points(const TwoStageResult& result, const TrackingSnapshot& map);
@@ -64,6 +65,7 @@ class Tracker {
 
   std::shared_ptr<const FrameImages> images_, last_images_;
   TwoStageResult result_;
+  SourceTrust trust_;
   bool tracking_ = false;    // there is a map and a pose on it, or there was one or is one to be found
   bool was_on_map_ = false;  // a frame has been tracked on this map
   int bad_frames_ = 0;       // in a row

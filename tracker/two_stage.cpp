@@ -5,6 +5,9 @@
 namespace parallax {
 namespace {
 
+// A point is where it should be within so many standard deviations.
+constexpr double kAgreesSigmas = 4.0;
+
 float lap(SteadyClock::time_point* mark) {
   const auto now = SteadyClock::now();
   const float ms = std::chrono::duration<float, std::milli>(now - *mark).count();
@@ -91,12 +94,40 @@ void TwoStageTracker::fine_stage(const TrackingSnapshot& map, const FrameImages&
   out->times.search += lap(&mark);
 }
 
+// Candidates of sources that are out of place are taken out; some are kept to be probed.
+void TwoStageTracker::set_aside(const TrackingSnapshot& map, const TwoStageRequest& request) {
+  to_probe_.clear();
+  if (request.out_of_place == nullptr) return;
+  std::erase_if(candidates_, [&](const Candidate& c) {
+    const auto row = static_cast<std::size_t>(c.row);
+    if (!(*request.out_of_place)[static_cast<std::size_t>(map.source[row])]) return false;
+    if ((map.id[row].index + request.turn) % kProbedOne == 0) to_probe_.push_back(c);
+    return true;
+  });
+}
+
+void TwoStageTracker::probe(const TrackingSnapshot& map, const FrameImages& frame, double radius_px,
+                            TwoStageResult* out) {
+  for (Candidate candidate : to_probe_) {
+    if (!projector_.project_one(map, candidate.row, out->camera_from_world, &candidate)) continue;
+    ProbedPoint probed{.row = candidate.row};
+    const PatchMatch match = search_.find(map, candidate, frame, radius_px, false);
+    if (match.found) {
+      const double limit = kAgreesSigmas * std::max(1.0, out->sigma) * match.sigma_px;
+      probed.found = true;
+      probed.agrees = (match.pixel - candidate.pixel).norm() < limit;
+    }
+    out->probed.push_back(probed);
+  }
+}
+
 void TwoStageTracker::track(const TrackingSnapshot& map, const FrameImages& frame, const TwoStageRequest& request,
                             TwoStageResult* out) {
   auto mark = SteadyClock::now();
   *out = TwoStageResult();
   out->camera_from_world = request.prior;
   projector_.project(map, request.prior, &candidates_);
+  set_aside(map, request);
   tried_.assign(static_cast<std::size_t>(map.size()), 0);
   out->times.projection += lap(&mark);
 
@@ -112,6 +143,9 @@ void TwoStageTracker::track(const TrackingSnapshot& map, const FrameImages& fram
   mark = SteadyClock::now();
   refine(map, out);
   out->times.pose += lap(&mark);
+  if (to_probe_.empty() || !out->ok) return;
+  probe(map, frame, request.fine_radius_px, out);
+  out->times.search += lap(&mark);
 }
 
 }  // namespace parallax
