@@ -68,8 +68,9 @@ void SourceTrust::update(const TwoStageResult& result, const TrackingSnapshot& m
       s.state = State::in_place;
     else
       continue;
-    log::debug("points of keyframe ", s.id.index, s.state == State::in_place ? " are in place: " : " are out of place: ",
-               s.agreed, " of ", s.searched, " found, of others ", agreed, " of ", searched);
+    log::debug("points of keyframe ", s.id.index,
+               s.state == State::in_place ? " are in place: " : " are out of place: ", s.agreed, " of ", s.searched,
+               " found, of others ", agreed, " of ", searched);
   }
 }
 

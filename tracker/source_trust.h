@@ -1,11 +1,11 @@
-// Which parts of the map are where the camera sees them. A map that has drifted on a long way has, where the camera comes
-// back to its beginning, two sets of points for one place, of which the older ones are predicted beside what they are.
-// They say nothing about the pose, nor about how well the camera is tracked: counted as points that were not found they
-// would stop the mapping just where a loop is to be closed. The same holds for what comes into view behind a wall.
+// Which parts of the map are where the camera sees them. A map that has drifted on a long way has, where the camera
+// comes back to its beginning, two sets of points for one place, of which the older ones are predicted beside what they
+// are. They say nothing about the pose, nor about how well the camera is tracked: counted as points that were not found
+// they would stop the mapping just where a loop is to be closed. The same holds for what comes into view behind a wall.
 //
-// Judged by the keyframe that a point's patch was taken from, when it comes into view after many others have been made: out
-// of place is one of whose points next to none are found while those of the others are. A few of its points are looked
-// for all the same, and when they are found it is in place again. What has been in view all along is not judged.
+// Judged by the keyframe that a point's patch was taken from, when it comes into view after many others have been made:
+// out of place is one of whose points next to none are found while those of the others are. A few of its points are
+// looked for all the same, and when they are found it is in place again. What has been in view all along is not judged.
 //
 // Not thread-safe; belongs to the tracking thread.
 #pragma once

@@ -16,8 +16,8 @@ constexpr int kMinCells = 4;
 // better than chance or a single thing that was moved can make them.
 constexpr int kChangedMinInliers = 100, kChangedMinCells = 7;
 constexpr double kChangedMinFraction = 0.18, kChangedMinAgreement = 0.9, kChangedMaxSigma = 0.6;
-// Below this part, a pose that is right agrees with what was found to about a standard deviation. One on a place that has
-// only its furniture in common with the map (a keyboard and a screen that stand alike) does not.
+// Below this part, a pose that is right agrees with what was found to about a standard deviation. One on a place that
+// has only its furniture in common with the map (a keyboard and a screen that stand alike) does not.
 constexpr double kSureFraction = 0.5, kUnsureMaxSigma = 1.5;
 
 struct Fractions {
@@ -65,9 +65,8 @@ bool accept_recovery(const TwoStageResult& result, const CameraModel& camera, co
   if (fraction < kSureFraction && result.sigma > kUnsureMaxSigma) return false;
   if (fraction >= options.recovery_min_fraction) return cells >= kMinCells;
   const int found = std::accumulate(result.found.begin(), result.found.end(), 0);
-  return fraction >= kChangedMinFraction && cells >= kChangedMinCells &&
-         result.inliers >= kChangedMinInliers && result.inliers >= kChangedMinAgreement * found &&
-         result.sigma <= kChangedMaxSigma;
+  return fraction >= kChangedMinFraction && cells >= kChangedMinCells && result.inliers >= kChangedMinInliers &&
+         result.inliers >= kChangedMinAgreement * found && result.sigma <= kChangedMaxSigma;
 }
 
 }  // namespace parallax
