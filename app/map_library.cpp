@@ -200,15 +200,20 @@ void MapLibrary::set_locked(const std::string& path, bool locked) {
   if (error) throw RunError(path + ": cannot be " + (locked ? "locked: " : "unlocked: ") + error.message());
 }
 
+std::string MapLibrary::place_in_trash(const std::string& path) const {
+  std::error_code error;
+  const fs::path trash = fs::path(folder_) / kTrash;
+  fs::create_directories(trash, error);
+  const std::string to = (trash / fs::path(path).filename()).string();
+  return fs::exists(to, error) ? next_map_path(to) : to;
+}
+
 std::string MapLibrary::remove(const std::string& path, bool own) const {
   check_changeable(path, own);
   const auto lock = own ? nullptr : MapLock::try_take(path);
   settle_journal(path);
   std::error_code error;
-  const fs::path trash = fs::path(folder_) / kTrash;
-  fs::create_directories(trash, error);
-  std::string to = (trash / fs::path(path).filename()).string();
-  if (fs::exists(to, error)) to = next_map_path(to);
+  const std::string to = place_in_trash(path);
   fs::rename(path, to, error);
   if (error) throw RunError(path + ": cannot be deleted: " + error.message());
   fs::last_write_time(to, fs::file_time_type::clock::now(), error);  // since when it lies there

@@ -68,6 +68,8 @@ class MapLibrary {
   void rename(const std::string& path, const std::string& name, bool own = false) const;
   static void set_locked(const std::string& path, bool locked);
 
+  // Where remove() would put it now.
+  std::string place_in_trash(const std::string& path) const;
   // To the trash; returns where it lies there. Not for locked maps and those in use.
   std::string remove(const std::string& path, bool own = false) const;
   // Back from the trash, under its old name or the next that is free; returns its path.

@@ -1,7 +1,6 @@
 #include "app/map_lock.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -16,6 +15,14 @@ std::string lock_path(const std::string& map_path) {
   return (map.parent_path() / ".locks" / (map.filename().string() + ".lock")).string();
 }
 
+// The whole file, for one owner alone. Of the open file: two parts of one program keep each other out as two programs do.
+struct flock whole_file() {
+  struct flock out {};
+  out.l_type = F_WRLCK;
+  out.l_whence = SEEK_SET;
+  return out;
+}
+
 }  // namespace
 
 std::unique_ptr<MapLock> MapLock::try_take(const std::string& map_path) {
@@ -25,7 +32,8 @@ std::unique_ptr<MapLock> MapLock::try_take(const std::string& map_path) {
   for (;;) {
     const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
     if (file < 0) return nullptr;
-    if (flock(file, LOCK_EX | LOCK_NB) != 0) {
+    struct flock lock = whole_file();
+    if (fcntl(file, F_OFD_SETLK, &lock) != 0) {
       close(file);
       return nullptr;
     }
@@ -42,7 +50,9 @@ std::unique_ptr<MapLock> MapLock::try_take(const std::string& map_path) {
 bool MapLock::is_taken(const std::string& map_path) {
   const int file = open(lock_path(map_path).c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
   if (file < 0) return false;
-  const bool taken = flock(file, LOCK_SH | LOCK_NB) != 0;
+  // Asked, not taken: whoever wants it at this moment gets it.
+  struct flock lock = whole_file();
+  const bool taken = fcntl(file, F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
   close(file);
   return taken;
 }

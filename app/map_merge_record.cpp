@@ -48,9 +48,13 @@ std::string apart_line(const MergedPair& pair) {
 }  // namespace
 
 void note_merge(const MapLibrary& library, const std::string& merged, const MergedPair& pair) {
+  // The note first: whenever the program ends, what has been moved can be brought back.
+  const std::vector<std::string> expected{file_name(library.place_in_trash(pair.base)),
+                                          file_name(library.place_in_trash(pair.other))};
+  write_lines(expected, record_of(merged));
   const std::string other = library.remove(pair.other, true);
-  const std::string base = library.remove(pair.base);
-  write_lines({file_name(base), file_name(other)}, record_of(merged));
+  const std::vector<std::string> now{file_name(library.remove(pair.base)), file_name(other)};
+  if (now != expected) write_lines(now, record_of(merged));
 }
 
 std::optional<MergedPair> merged_pair(const std::string& merged) {
@@ -66,7 +70,8 @@ std::optional<MergedPair> merged_pair(const std::string& merged) {
   if (lines.size() != 2) return std::nullopt;
   for (std::string& line : lines) {
     if (fs::path(line).filename() != line) return std::nullopt;
-    line = (record.parent_path() / line).string();
+    const fs::path in_trash = record.parent_path() / line, not_moved = fs::path(merged).parent_path() / line;
+    line = (fs::is_regular_file(in_trash, error) ? in_trash : not_moved).string();
     if (!fs::is_regular_file(line, error)) return std::nullopt;
   }
   return MergedPair{lines[0], lines[1]};
@@ -79,8 +84,12 @@ UndoneMerge undo_merge(const MapLibrary& library, const std::string& merged, boo
                      std::to_string(MapLibrary::kTrashDays) + " days, expected one: the two are no longer there");
   UndoneMerge out;
   out.trashed = library.remove(merged, own);
-  out.pair.base = library.restore(pair->base);
-  out.pair.other = library.restore(pair->other);
+  const auto back = [&](const std::string& path) {
+    const bool in_trash = fs::path(path).parent_path().filename() == MapLibrary::kTrash;
+    return in_trash ? library.restore(path) : path;
+  };
+  out.pair.base = back(pair->base);
+  out.pair.other = back(pair->other);
   std::error_code error;
   fs::remove(record_of(merged), error);
   const fs::path apart = fs::path(library.folder()) / kApart;

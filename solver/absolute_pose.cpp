@@ -178,7 +178,9 @@ std::size_t best_matches(std::size_t n, int k, int hypotheses) {
 class TripleSampler {
  public:
   TripleSampler(std::vector<double> turns, double max_difference)
-      : turns_(std::move(turns)), max_difference_(max_difference) {}
+      : turns_(std::move(turns)), max_difference_(max_difference) {
+    for (double& turn : turns_) turn = std::remainder(turn, 2 * M_PI);
+  }
 
   // False when nothing goes with the first.
   bool draw(std::size_t from, std::mt19937_64* rng, std::array<std::size_t, 3>* pick) {
@@ -191,9 +193,10 @@ class TripleSampler {
     }
     const std::size_t first = (*rng)() % from;
     alike_.clear();
-    for (std::size_t i = 0; i < from; ++i)
-      if (i != first && std::abs(std::remainder(turns_[i] - turns_[first], 2 * M_PI)) <= max_difference_)
-        alike_.push_back(i);
+    for (std::size_t i = 0; i < from; ++i) {
+      const double difference = std::abs(turns_[i] - turns_[first]);  // to two half turns
+      if (i != first && std::min(difference, 2 * M_PI - difference) <= max_difference_) alike_.push_back(i);
+    }
     if (alike_.size() < 2) return false;
     const std::size_t second = (*rng)() % alike_.size();
     std::size_t third = (*rng)() % (alike_.size() - 1);

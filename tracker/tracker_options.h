@@ -50,7 +50,7 @@ struct TrackerOptions {
   double keyframe_angle_rad = 0.35;            // or turned by this much, when it also sees little of the map
 
   // Recovery (PTAM §5.6).
-  int recovery_candidates = 3;  // keyframes tried a frame
+  int recovery_candidates = 2;  // keyframes tried a frame
   int recovery_min_inliers = 30;
   double recovery_min_fraction = 0.35;
 

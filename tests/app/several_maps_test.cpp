@@ -9,9 +9,12 @@
 #include <filesystem>
 #include <fstream>
 #include <opencv2/core.hpp>
+#include <thread>
 
 #include "app/map_finder.h"
 #include "app/map_library.h"
+#include "app/map_lock.h"
+#include "app/map_merge_record.h"
 #include "app/maps_panel.h"
 #include "app/place_vocabulary.h"
 #include "app/session_maps.h"
@@ -97,6 +100,57 @@ TEST(MapLibrary, ListsWhatItHasAndChangesIt) {
   library.empty_old_trash();
   EXPECT_FALSE(fs::exists(old));
   EXPECT_TRUE(fs::exists(folder.file(".trash/notes.txt")));
+}
+
+// The program ended when one of the two had been moved, and when neither had.
+TEST(MapLibrary, AMergeThatWasCutShortIsUndone) {
+  for (const bool other_moved : {true, false}) {
+    const ScratchFolder folder;
+    const MapLibrary library(folder.path().string());
+    const MergedPair pair{put_map(folder, "base.plxmap", "base"), put_map(folder, "other.plxmap", "other")};
+    const std::string merged = put_map(folder, "merged.plxmap", "merged");
+    const std::string base = read_all(pair.base), other = read_all(pair.other);
+    note_merge(library, merged, pair);
+    ASSERT_FALSE(fs::exists(pair.base) || fs::exists(pair.other));
+    const auto moved = merged_pair(merged);
+    ASSERT_TRUE(moved);
+    fs::rename(moved->base, pair.base);
+    if (!other_moved) fs::rename(moved->other, pair.other);
+
+    ASSERT_TRUE(merged_pair(merged));
+    EXPECT_EQ(merged_pair(merged)->base, pair.base);
+    const UndoneMerge undone = undo_merge(library, merged);
+    EXPECT_EQ(undone.pair.base, pair.base);
+    EXPECT_EQ(undone.pair.other, pair.other);
+    EXPECT_EQ(read_all(pair.base), base);
+    EXPECT_EQ(read_all(pair.other), other);
+    EXPECT_EQ(library.paths().size(), 2U);
+    EXPECT_FALSE(merged_pair(merged));
+  }
+}
+
+// Looking whether a map is in use does not keep anybody from taking it.
+TEST(MapLock, IsAskedWithoutBeingTaken) {
+  const ScratchFolder folder;
+  const std::string path = folder.file("a.plxmap");
+  EXPECT_FALSE(MapLock::is_taken(path));
+  // Its folder is there from now on, and the file of the lock as after a kill.
+  MapLock::try_take(path).reset();
+  folder.write(".locks/a.plxmap.lock", "");
+  EXPECT_FALSE(MapLock::is_taken(path));
+  std::atomic<bool> stop{false};
+  std::thread asking([&] {
+    while (!stop) MapLock::is_taken(path);
+  });
+  int refused = 0;
+  for (int i = 0; i < 2000; ++i) refused += MapLock::try_take(path) ? 0 : 1;
+  stop = true;
+  asking.join();
+  EXPECT_EQ(refused, 0);
+  const auto lock = MapLock::try_take(path);
+  ASSERT_TRUE(lock);
+  EXPECT_TRUE(MapLock::is_taken(path));
+  EXPECT_FALSE(MapLock::try_take(path));
 }
 
 TEST(MapLibrary, LeavesWhatIsNotItsOwn) {
