@@ -35,7 +35,7 @@ struct Scored {
 }  // namespace
 
 bool Relocaliser::try_pose(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& pose,
-                           bool is_guess, TwoStageTracker* tracker, TwoStageResult* result) const {
+                           bool is_guess, TwoStageTracker* tracker, TwoStageResult* result) {
   TwoStageRequest request;
   request.prior = pose;
   request.coarse_radius_px = kRecoveryCoarseRadius_px;
@@ -46,6 +46,7 @@ bool Relocaliser::try_pose(const TrackingSnapshot& map, const FrameImages& frame
   const int asked = std::accumulate(result->attempted.begin(), result->attempted.end(), 0);
   if (!result->ok || result->inliers < std::max<double>(options_.coarse_min, kFirstLookPart * asked)) return false;
   // A second pass from the pose found: what is right stays right and finds more.
+  looked_closely_ = true;
   request.prior = result->camera_from_world;
   request.coarse = request.needs_coarse = false;
   request.first_look_points = 0;
@@ -71,6 +72,7 @@ bool Relocaliser::recover_by_descriptors(const TrackingSnapshot& map, const Fram
 bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& hint,
                           TwoStageTracker* tracker, TwoStageResult* accepted) {
   if (map.keyframes.empty()) return false;
+  looked_closely_ = false;
   if (try_pose(map, frame, hint, true, tracker, accepted)) return true;
 
   std::vector<Scored> scored;
@@ -86,6 +88,7 @@ bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame,
   const std::size_t others = scored.size() - 1;
   for (int k = 1; k < options_.recovery_candidates && others > 0; ++k) rows.push_back(scored[1 + next_++ % others].row);
   for (int row : rows) {
+    if (looked_closely_) break;  // once in a frame: one more guess that leads nowhere takes as long as all descriptors
     const SnapshotKeyframe& kf = map.keyframes[row];
     const SmallImageAlignment alignment = align_small_images(kf.images->small, frame.small);
     if (!alignment.converged || alignment.mean_squared_difference > kMaxUnexplained * frame_variance) continue;
@@ -94,7 +97,7 @@ bool Relocaliser::recover(const TrackingSnapshot& map, const FrameImages& frame,
     const Eigen::Matrix3d rotation = rotation_from_alignment(camera_, alignment);
     const RigidTransform rotated(rotation * kf.camera_from_world.R, rotation * kf.camera_from_world.t);
     if (try_pose(map, frame, rotated, true, tracker, accepted)) return true;
-    if (row != rows.front()) continue;
+    if (row != rows.front() || looked_closely_) continue;
     RigidTransform shifted = kf.camera_from_world;
     shifted.t.head<2>() += (alignment.shift.array() / camera_.focal_px().array() * kf.mean_depth).matrix();
     if (try_pose(map, frame, shifted, true, tracker, accepted)) return true;

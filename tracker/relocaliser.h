@@ -31,11 +31,12 @@ class Relocaliser {
                               TwoStageResult* accepted);
   // `is_guess`: where the coarse stage leads nowhere, nothing more is tried.
   bool try_pose(const TrackingSnapshot& map, const FrameImages& frame, const RigidTransform& pose, bool is_guess,
-                TwoStageTracker* tracker, TwoStageResult* result) const;
+                TwoStageTracker* tracker, TwoStageResult* result);
 
   CameraModel camera_;
   TrackerOptions options_;
   std::size_t next_ = 0;
+  bool looked_closely_ = false;  // at a pose, with all points, in this frame
   PointMatcher matcher_;
   std::mt19937_64 rng_{1};
 };
