@@ -15,7 +15,8 @@ std::string lock_path(const std::string& map_path) {
   return (map.parent_path() / ".locks" / (map.filename().string() + ".lock")).string();
 }
 
-// The whole file, for one owner alone. Of the open file: two parts of one program keep each other out as two programs do.
+// The whole file, for one owner alone. Of the open file: two parts of one program keep each other out as two programs
+// do.
 struct flock whole_file() {
   struct flock out {};
   out.l_type = F_WRLCK;

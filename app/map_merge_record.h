@@ -22,7 +22,8 @@ struct MergedPair {
 // Moves the two to the trash and notes that `merged` was made of them. Both are in no other program's use; `other` is
 // locked (app/map_lock) by the caller.
 void note_merge(const MapLibrary& library, const std::string& merged, const MergedPair& pair);
-// Where the two lie: in the trash, or still beside the merged map when the program ended between; nothing when it cannot be undone (any more).
+// Where the two lie: in the trash, or still beside the merged map when the program ended between; nothing when it
+// cannot be undone (any more).
 std::optional<MergedPair> merged_pair(const std::string& merged);
 
 struct UndoneMerge {
