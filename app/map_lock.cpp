@@ -43,7 +43,7 @@ std::unique_ptr<MapLock> MapLock::try_take(const std::string& map_path) {
     }, named{};
     if (fstat(file, &opened) == 0 && stat(path.c_str(), &named) == 0 && opened.st_ino == named.st_ino &&
         opened.st_dev == named.st_dev)
-      return std::unique_ptr<MapLock>(new MapLock(file, path));
+      return std::unique_ptr<MapLock>(new MapLock(file, path));  // its constructor is private
     close(file);
   }
 }

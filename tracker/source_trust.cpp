@@ -75,7 +75,6 @@ void SourceTrust::update(const TwoStageResult& result, const TrackingSnapshot& m
 }
 
 const std::vector<std::uint8_t>& SourceTrust::out_of_place(const TrackingSnapshot& map) {
-  // Keyframes that nothing is known of are taken for what the nearest in age is that something is known of.
   const std::size_t n = map.keyframes.size();
   constexpr std::size_t kNever = static_cast<std::size_t>(-1);
   rows_.assign(n, 0);

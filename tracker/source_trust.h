@@ -7,7 +7,8 @@
 // out of place is one of whose points next to none are found while those of the others are. A few of its points are
 // looked for all the same, and when they are found it is in place again. What has been in view all along is not judged.
 //
-// Not thread-safe; belongs to the tracking thread.
+// Ours, not of a paper: PTAM §5.6 counts every point that should be seen. Keeps counts only, no images and no map;
+// never throws but for memory. Not thread-safe; belongs to the tracking thread.
 #pragma once
 
 #include <cstdint>
@@ -22,10 +23,11 @@ class SourceTrust {
   // The map was replaced: nothing is known.
   void clear() { sources_.clear(); }
 
-  // The frame that was tracked with `result`, which is not lost.
+  // The frame that was tracked with `result`, which is not lost. `map`: the snapshot it was tracked on.
   void update(const TwoStageResult& result, const TrackingSnapshot& map);
 
-  // By row of the snapshot's keyframes: 1 is out of place.
+  // By row of the snapshot's keyframes: 1 is out of place. Keyframes that nothing is known of are taken for what the
+  // nearest in age is. Valid until the next call.
   const std::vector<std::uint8_t>& out_of_place(const TrackingSnapshot& map);
 
  private:
