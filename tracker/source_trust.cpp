@@ -37,14 +37,17 @@ void SourceTrust::update(const TwoStageResult& result, const TrackingSnapshot& m
     s.searched *= kMemory;
     s.agreed *= kMemory;
   }
+  ++frame_;
   const std::size_t keyframes = map.keyframes.size();
   const auto count = [&](std::int32_t row, bool agrees) {
     Source& s = source(map.keyframes[static_cast<std::size_t>(map.source[static_cast<std::size_t>(row)])].id);
-    if (s.last_seen > 0 && keyframes >= s.last_seen + kAbsence) {
+    // What was looked for in the frame before has not been away, however many keyframes came at once (maps that merge).
+    if (s.last_seen > 0 && s.frame + 1 < frame_ && keyframes >= s.last_seen + kAbsence) {
       s.state = State::arriving;
       s.searched = s.agreed = 0;
     }
     s.last_seen = keyframes;
+    s.frame = frame_;
     s.searched += 1;
     if (agrees) s.agreed += 1;
   };

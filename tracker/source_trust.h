@@ -38,11 +38,13 @@ class SourceTrust {
     double searched = 0, agreed = 0;
     State state = State::in_place;
     std::size_t last_seen = 0;  // keyframes of the map when one of its points was last looked for; 0: never
+    long frame = 0;             // when that was
   };
   Source& source(KeyframeId id);
 
   std::vector<Source> sources_;  // by index of the keyframe
   std::vector<std::uint8_t> rows_;
+  long frame_ = 0;  // updates so far
 };
 
 }  // namespace parallax

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <opencv2/core.hpp>
 #include <utility>
@@ -123,6 +124,42 @@ Frame blank_frame() {
   Frame f;
   f.grey = GreyImage(240, 320, static_cast<std::uint8_t>(30));
   return f;
+}
+
+// A part of the map comes back into view beside its place, after twenty other keyframes: its points are left out.
+TEST_F(TrackerTest, APartThatIsOutOfPlaceIsLeftOut) {
+  start();
+  int view = kSecondKey + 1;
+  TrackingResult before;
+  for (; view < 14; ++view) before = track(view);
+  answer();
+  const std::vector<std::int32_t> source = map_.snapshot()->source;
+  const auto drifted = static_cast<int>(std::count(source.begin(), source.end(), 1));
+  ASSERT_GE(drifted, 60);
+  ASSERT_LT(2 * drifted, static_cast<int>(source.size()));
+  const KeyframeId second = map_.snapshot()->keyframes[1].id;
+  const auto shift = [&](double metres) {
+    map_.write([&](Map& m) {
+      for (MapPoint& p : m.points)
+        if (p.source == second) p.position.x() += metres;
+    });
+  };
+  shift(50);  // out of view
+  map_.write([](Map& m) {
+    Keyframe elsewhere = *m.keyframes.begin();
+    elsewhere.measurements.clear();
+    elsewhere.camera_from_world.t.x() += 50;
+    for (int i = 0; i < 20; ++i) m.keyframes.insert(elsewhere);
+  });
+  map_.publish();
+  for (int i = 0; i < 3; ++i, ++view) expect_at(track(view), view);
+  shift(0.04 - 50);
+  map_.publish();
+  TrackingResult without;
+  for (int i = 0; i < 4; ++i, ++view) expect_at(without = track(view), view);
+  EXPECT_LT(without.total_attempted(), before.total_attempted() - drifted / 2);
+  EXPECT_EQ(without.quality, TrackingQuality::good);
+  EXPECT_GT(without.total_found(), 0.5 * without.total_attempted());
 }
 
 TEST_F(TrackerTest, FromTwoKeyPressesToTracking) {
